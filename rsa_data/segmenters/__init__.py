@@ -1,0 +1,52 @@
+"""Segmenters: ONNX models with their decoders, and importers of segments that exist already."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from .. import tables
+from ..errors import RowError
+
+
+@dataclass(frozen=True)
+class Segments:
+    """What one image shows.
+
+    label : n class names.
+    area : float64 of shape (n,), share of the full image, 0 to 1.
+    score : float32 of shape (n,), 0 to 1; all 1 for annotations.
+    is_thing : bool of shape (n,).
+    box : float32 of shape (n, 4), px, x1 y1 x2 y2 clipped to the image, or None.
+    width, height : px, of the full image, or None when the source has text only.
+    """
+
+    label: Sequence[str]
+    area: np.ndarray
+    score: np.ndarray
+    is_thing: np.ndarray
+    box: np.ndarray | None
+    width: int | None
+    height: int | None
+
+
+def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) -> pa.Table:
+    """A segments table from one result a sample: segments, or the error that quarantines it."""
+    results = list(found)
+    good = [r if isinstance(r, Segments) else None for r in results]
+    rows = {
+        "sample_id": sample_ids,
+        "status": ["ok" if g else "failed" for g in good],
+        "error": [None if g else str(r) for g, r in zip(good, results, strict=True)],
+        "width": [g.width if g else None for g in good],
+        "height": [g.height if g else None for g in good],
+        "label": [list(g.label) if g else [] for g in good],
+        "score": [g.score if g else [] for g in good],
+        "area": [g.area if g else [] for g in good],
+        "box": [
+            list(np.asarray(g.box, np.float32)) if g and g.box is not None else None for g in good
+        ],
+        "is_thing": [g.is_thing if g else [] for g in good],
+    }
+    return tables.from_columns("segments", rows)
