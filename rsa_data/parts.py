@@ -1,0 +1,222 @@
+"""Parts and receipts: tables that appear part by part, are found whole or not at all.
+
+A table is a folder with `table.json` (what made it, created once), `part-00007.parquet` and
+`part-00007.json`, the part's receipt. A part without a receipt is not done. Nothing that depends
+on time, host or worker stands in any of them, so the same work gives the same bytes.
+"""
+
+import hashlib
+import io
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from . import tables
+from .errors import RsaDataError
+from .storage import failpoint, open_store
+
+_RECEIPT = re.compile(r"part-(\d{5,})\.json")
+
+
+def to_json(value: Any) -> bytes:
+    """JSON with sorted keys: the same value gives the same bytes."""
+    return (json.dumps(value, sort_keys=True, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def fingerprint(value: Any) -> str:
+    """sha256 of a JSON value."""
+    return hashlib.sha256(to_json(value)).hexdigest()
+
+
+class Work:
+    """A work dir: every table of every dataset, and the heads."""
+
+    def __init__(self, location: str | Path):
+        self.store = open_store(location)
+
+    def datasets(self) -> list[str]:
+        """Names of the datasets that have been indexed."""
+        names = [name[:-1] for name in self.store.list("") if name.endswith("/")]
+        return [name for name in names if self.table(name, "samples").exists()]
+
+    def tables(self, dataset: str) -> list[str]:
+        """Names of the tables of a dataset, such as samples and captions/occupancy."""
+        found, folders = [], [""]
+        while folders:
+            folder = folders.pop()
+            names = self.store.list(f"{dataset}/{folder}")
+            if "table.json" in names:
+                found.append(folder.rstrip("/"))
+            folders += [folder + name for name in names if name.endswith("/")]
+        return sorted(found)
+
+    def table(self, dataset: str, name: str) -> "Parts":
+        """One table, whether it exists yet or not."""
+        return Parts(self, dataset, name)
+
+
+class Parts:
+    """The parts of one table."""
+
+    def __init__(self, work: Work, dataset: str, name: str):
+        self.store, self.dataset, self.name = work.store, dataset, name
+        self.path = f"{dataset}/{name}"
+
+    def __str__(self) -> str:
+        return f"{self.store.location}/{self.path}"
+
+    def exists(self) -> bool:
+        """Whether the table has been begun."""
+        return self.store.size(f"{self.path}/table.json") is not None
+
+    def description(self) -> dict[str, Any]:
+        """table.json: stage, stage_version, schema, schema_version, options, files, inputs."""
+        data = self.store.read(f"{self.path}/table.json")
+        if data is None:
+            raise RsaDataError(f"{self}: no such table. Tables there: {self._neighbours()}")
+        return json.loads(data)
+
+    def _neighbours(self) -> str:
+        work = Work.__new__(Work)
+        work.store = self.store
+        return ", ".join(work.tables(self.dataset)) or "none"
+
+    def parts(self) -> list[int]:
+        """Numbers of the parts that are done, ascending."""
+        return [int(m[1]) for name in self.store.list(self.path) if (m := _RECEIPT.fullmatch(name))]
+
+    def receipt(self, number: int) -> dict[str, Any]:
+        """What a part holds and what it was made from; raises RsaDataError when it is not done."""
+        data = self.store.read(self._file(number, "json"))
+        if data is None:
+            raise RsaDataError(f"{self}: part {number} is not done: it has no receipt")
+        return json.loads(data)
+
+    def read(self, number: int, columns: list[str] | None = None) -> pa.Table:
+        """One part. Raises RsaDataError when it is not done or not the size its receipt says."""
+        receipt, path = self.receipt(number), self._file(number, "parquet")
+        size = self.store.size(path)
+        if size != receipt["bytes"]:
+            found = "no file" if size is None else f"{size} bytes"
+            raise RsaDataError(
+                f"{self}: part {number}: expected {receipt['bytes']} bytes, as its receipt says; "
+                f"found {found}. Run `rsa-data verify`; delete the receipt to make it again."
+            )
+        try:
+            with self.store.open(path) as file:
+                return pq.read_table(file, columns=columns, use_threads=False)
+        except (pa.ArrowException, OSError) as error:
+            raise RsaDataError(
+                f"{self}: part {number} cannot be read: {error}. Run `rsa-data verify`; delete its "
+                "receipt to make it again."
+            ) from error
+
+    def bind(self, description: Mapping[str, Any]) -> None:
+        """Begins the table, or checks that what made it is what would go on with it.
+
+        Raises RsaDataError naming each difference. `made_with` is for information only.
+        """
+        self.store.create(f"{self.path}/table.json", to_json(description))
+        there = self.description()
+        different = [
+            f"{where}: the table has {_short(old)}, this run has {_short(new)}"
+            for where, old, new in _differences(there, description)
+            if not where.startswith("made_with")
+        ]
+        if different:
+            raise RsaDataError(
+                f"{self} was made with other options. " + "; ".join(different) + ". Use the same "
+                "options, another --work, or --start-over to delete this table and make it anew."
+            )
+
+    def commit(self, number: int, table: pa.Table, receipt: Mapping[str, Any]) -> dict[str, Any]:
+        """Writes a part, then its receipt: from then on the part is done.
+
+        receipt : what the caller knows (ok, failed, skipped, split, inputs, fingerprint); rows,
+            bytes, sha256 and digest are added here. Returns the whole receipt.
+        """
+        schema = self.description()["schema"]
+        tables.check(schema, table)
+        buffer = io.BytesIO()
+        # Dictionary pages and statistics cost time and say nothing for long unique values.
+        plain = [f.name for f in table.schema if pa.types.is_fixed_size_binary(f.type)] + [
+            f.name for f in table.schema if pa.types.is_binary(f.type)
+        ]
+        pq.write_table(
+            table,
+            buffer,
+            row_group_size=20_000,
+            compression={f.name: "none" if f.name in plain else "zstd" for f in table.schema},
+            use_dictionary=[f.name for f in table.schema if f.name not in plain],
+            write_statistics=[f.name for f in table.schema if f.name not in plain],
+        )
+        data = buffer.getbuffer()
+        full = {
+            **receipt,
+            "part": number,
+            "rows": len(table),
+            "bytes": len(data),
+            "sha256": hashlib.sha256(data).hexdigest(),
+            "digest": tables.digest(table),
+        }
+        # An old receipt must never stand beside new bytes.
+        self.store.delete(self._file(number, "json"))
+        self.store.write(self._file(number, "parquet"), data)
+        failpoint("receipt")
+        self.store.write(self._file(number, "json"), to_json(full))
+        failpoint("committed")
+        return full
+
+    def manifest(self, expected: list[int]) -> dict[str, Any] | None:
+        """Merges the receipts into manifest.json once all `expected` parts are done, else None."""
+        done = self.parts()
+        if done != expected:
+            self.store.delete(f"{self.path}/manifest.json")
+            return None
+        receipts = [self.receipt(number) for number in done]
+        total = {key: sum(r[key] for r in receipts) for key in _COUNTS}
+        merged = {**total, "parts": receipts}
+        data = to_json(merged)
+        if self.store.read(f"{self.path}/manifest.json") != data:
+            failpoint("manifest")
+            self.store.write(f"{self.path}/manifest.json", data)
+        return merged
+
+    def start_over(self) -> None:
+        """Deletes the table: receipts first, so that a kill half-way leaves nothing half-valid."""
+        names = self.store.list(self.path)
+        for ending in (".json", ".parquet"):
+            for name in names:
+                if name.startswith("part-") and name.endswith(ending):
+                    self.store.delete(f"{self.path}/{name}")
+        self.store.delete(f"{self.path}/manifest.json")
+        self.store.delete(f"{self.path}/table.json")
+
+    def _file(self, number: int, ending: str) -> str:
+        return f"{self.path}/part-{number:05d}.{ending}"
+
+
+_COUNTS = ("rows", "bytes", "ok", "failed", "skipped")
+
+
+def _differences(old: Any, new: Any, where: str = "") -> list[tuple[str, Any, Any]]:
+    """Paths at which two JSON values differ, with both values."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return [
+            difference
+            for key in sorted(old.keys() | new.keys())
+            for difference in _differences(
+                old.get(key), new.get(key), f"{where}.{key}" if where else key
+            )
+        ]
+    return [] if old == new else [(where, old, new)]
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "..."
