@@ -20,6 +20,10 @@ class Segments:
     is_thing : bool of shape (n,).
     box : float32 of shape (n, 4), px, x1 y1 x2 y2 clipped to the image, or None.
     width, height : px, of the full image, or None when the source has text only.
+    center : float32 of shape (n, 2), px, x y: centre of mass of each mask; left None, it is the
+        centre of the box.
+    mask : n strings, COCO's compressed RLE counts of masks of the image's size, or None.
+    feature : float32 of shape (n, d), the detector's features, or None.
     """
 
     label: Sequence[str]
@@ -29,12 +33,20 @@ class Segments:
     box: np.ndarray | None
     width: int | None
     height: int | None
+    center: np.ndarray | None = None
+    mask: Sequence[str] | None = None
+    feature: np.ndarray | None = None
 
 
 def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) -> pa.Table:
     """A segments table from one result a sample: segments, or the error that quarantines it."""
     results = list(found)
     good = [r if isinstance(r, Segments) else None for r in results]
+    boxes = [None if g is None or g.box is None else np.asarray(g.box, np.float32) for g in good]
+    centers = [
+        (b[:, :2] + b[:, 2:]) / 2 if b is not None and g and g.center is None else g and g.center
+        for b, g in zip(boxes, good, strict=True)
+    ]
     rows = {
         "sample_id": sample_ids,
         "status": ["ok" if g else "failed" for g in good],
@@ -44,9 +56,15 @@ def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) ->
         "label": [list(g.label) if g else [] for g in good],
         "score": [g.score if g else [] for g in good],
         "area": [g.area if g else [] for g in good],
-        "box": [
-            list(np.asarray(g.box, np.float32)) if g and g.box is not None else None for g in good
-        ],
+        "box": [None if b is None else list(b) for b in boxes],
         "is_thing": [g.is_thing if g else [] for g in good],
+        "center": [None if c is None else list(np.asarray(c, np.float32)) for c in centers],
+        "mask": [None if g is None or g.mask is None else list(g.mask) for g in good],
+        "feature": [
+            None
+            if g is None or g.feature is None
+            else [f.astype("<f4").tobytes() for f in g.feature]
+            for g in good
+        ],
     }
     return tables.from_columns("segments", rows)
