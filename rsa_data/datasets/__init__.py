@@ -23,6 +23,8 @@ class Dataset:
     key_paths : (split, key) -> (image, depth) paths relative to root, by the dataset's layout,
         either None where the layout does not tell; used when an index comes from text alone.
     scene : key -> scene, what must not be divided between training and validation.
+    relative : image -> path of the relative depth that the dataset brings for it (.npy or 16-bit
+        PNG, read by the depth model `files`), both relative to root; None when it brings none.
     test_splits : splits whose depth is stored whole and which no training may read.
     min_depth, max_depth : m, the range in which ground truth counts as valid.
     """
@@ -37,4 +39,5 @@ class Dataset:
     )
     key_paths: Callable[[str, str], tuple[str | None, str | None]] = lambda split, key: (None, None)
     scene: Callable[[str], str] = lambda key: key
+    relative: Callable[[str], str] | None = None
     test_splits: tuple[str, ...] = ("test",)
