@@ -64,8 +64,7 @@ def from_columns(name: str, columns: Mapping[str, Any]) -> pa.Table:
     expected = schema(name)
     if set(columns) != set(expected.names):
         raise RsaDataError(
-            f"{name}: expected the columns {', '.join(expected.names)}; "
-            f"found {', '.join(columns)}"
+            f"{name}: expected the columns {', '.join(expected.names)}; found {', '.join(columns)}"
         )
     arrays, fields = [], []
     for field in expected:
@@ -101,9 +100,7 @@ def check(name: str, table: pa.Table) -> None:
                     f"field's metadata; found {field.type} with {field.metadata}"
                 )
         elif field.type != arrow_type(want["type"]):
-            raise RsaDataError(
-                f"{name}.{column}: expected type {want['type']}; found {field.type}"
-            )
+            raise RsaDataError(f"{name}.{column}: expected type {want['type']}; found {field.type}")
         if data.null_count and not want.get("nullable"):
             row = pc.index(data.is_null(), True).as_py()
             raise RsaDataError(f"{name}.{column}: expected no null; found one in row {row}")
@@ -188,7 +185,9 @@ def embedding_array(table: pa.Table, column: str = "embedding") -> np.ndarray:
     dtype = np.dtype(metadata[b"dtype"].decode()).newbyteorder("<")
     dim = int(metadata[b"shape"])
     chunks = [
-        np.frombuffer(chunk.buffers()[1], dtype, len(chunk) * dim, chunk.offset * dim * dtype.itemsize)
+        np.frombuffer(
+            chunk.buffers()[1], dtype, len(chunk) * dim, chunk.offset * dim * dtype.itemsize
+        )
         for chunk in table[column].chunks
         if len(chunk)
     ]
