@@ -1,0 +1,83 @@
+"""Relative depth that lies in files: one .npy or 16-bit PNG an image."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..datasets import Dataset
+from ..errors import RowError, UsageError
+from . import Relative, Source
+
+
+def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) -> Source:
+    """Reads the relative depth of `root/IMAGE.jpg` from `argument/IMAGE.npy` or `.png`.
+
+    argument : the folder; empty for the files that the dataset itself brings.
+    holds : what the files hold, `relative` (y as it is) or `depth` (y is the inverse).
+    """
+    if argument:
+        folder = Path(argument)
+        if not folder.is_dir():
+            raise UsageError(f"depth model files:{argument}: there is no such folder")
+        return lambda image: read(folder, str(Path(image).with_suffix("")), holds)
+    of_dataset = dataset.relative
+    if of_dataset is None:
+        raise UsageError(
+            f"depth model files: {dataset.name} brings no relative depth of its own; name the "
+            "folder that holds it: --depth-model files:DIR"
+        )
+    return lambda image: read(root, str(Path(of_dataset(image)).with_suffix("")), holds)
+
+
+def read(folder: Path, stem: str, holds: str = "relative") -> Relative:
+    """The map `folder/stem.npy`, or `folder/stem.png` when there is no such array.
+
+    A .npy is a float or integer array of shape (h, w); NaN says that there is none. A PNG has 16
+    bits: `relative` is the value / 65535, so 0 to 1; `depth` is in mm, 0 where there is none.
+    Raises RowError, naming the file relative to the folder.
+    """
+    if (folder / f"{stem}.npy").is_file():
+        name = f"{stem}.npy"
+        values = _array(folder / name, name)
+    elif (folder / f"{stem}.png").is_file():
+        name = f"{stem}.png"
+        values = _png(folder / name, name) / np.float32(65535 if holds == "relative" else 1000)
+    else:
+        raise RowError(f"{stem}: expected relative depth in {stem}.npy or .png; found neither")
+    return Relative(values if holds == "relative" else inverse(values))
+
+
+def inverse(depth: np.ndarray) -> np.ndarray:
+    """1 / depth as float32; NaN where the depth is not above 0 (a dead pixel, no measurement)."""
+    valid = depth > 0
+    return np.where(valid, 1 / np.where(valid, depth, 1), np.nan).astype(np.float32)
+
+
+def _array(path: Path, name: str) -> np.ndarray:
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise RowError(f"{name}: not a readable .npy array") from error
+    values = np.squeeze(values)
+    if values.ndim != 2 or values.dtype.kind not in "fiu" or not values.size:
+        raise RowError(
+            f"{name}: expected numbers of shape (height, width); found {values.dtype} "
+            f"of shape {values.shape}"
+        )
+    return values.astype(np.float32)
+
+
+def _png(path: Path, name: str) -> np.ndarray:
+    import cv2
+
+    values = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    if values is None:
+        raise RowError(f"{name}: not a readable PNG")
+    if values.dtype != np.uint16 or values.ndim != 2:
+        channels = 1 if values.ndim == 2 else values.shape[2]
+        raise RowError(
+            f"{name}: expected one channel of 16 bits; found {channels} of "
+            f"{values.dtype.itemsize * 8} bits"
+        )
+    return values.astype(np.float32)

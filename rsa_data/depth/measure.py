@@ -1,0 +1,173 @@
+"""The depth stage: samples -> relative depth where the ground truth is, with each image's fits."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+
+from .. import registry, tables
+from ..datasets import Dataset
+from ..errors import RowError
+from ..progress import advance
+from . import Relative, Source
+from .fits import inverse_fit, median_scale
+from .pixels import draw
+
+_FLOAT16_MAX = float(np.finfo(np.float16).max)
+
+
+def build(
+    *,
+    dataset: Dataset,
+    root: Path,
+    depth_model: str,
+    weights: Path | None = None,
+    geometry: str | None = None,
+    crop: Literal["none", "kb"] = "none",
+    files_hold: Literal["relative", "depth"] = "relative",
+    pixels: int = 1024,
+    seed: int = 0,
+    threads: int = 1,
+) -> Callable[[pa.Table], pa.Table]:
+    """Runs a relative-depth model, or reads its files, and pairs it with the ground truth.
+
+    Parameters
+    ----------
+    depth_model : a model of `rsa-data list depth-models`, files:DIR, or files for those that the
+        dataset brings. DIR holds DIR/IMAGE.npy or .png for each IMAGE.jpg below the root.
+    weights : file of the model's weights, instead of the download.
+    geometry : WIDTHxHEIGHT in px that images are resized to for the model, whatever their shape,
+        instead of the model's own way. Part of what a head is trained for: y moves with it.
+    crop : what is cut from the image before the model sees it; kb is KITTI's 352x1216 at the
+        bottom centre, as BTS and RSA do.
+    files_hold : what depth files hold; relative is y itself, depth is metric-like and is inverted.
+    pixels : pixels drawn from each training image; test images are stored whole.
+    seed : another seed draws other pixels.
+    threads : CPU threads of the model in each worker.
+    """
+    name, _, argument = depth_model.partition(":")
+    source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, name)(
+        name=name,
+        argument=argument,
+        dataset=dataset,
+        root=root,
+        weights=weights,
+        geometry=geometry,
+        crop=crop,
+        holds=files_hold,
+        threads=threads,
+    )
+
+    def step(samples: pa.Table) -> pa.Table:
+        columns = ("sample_id", "split", "image", "depth")
+        rows = []
+        for sample in samples.select(columns).to_pylist():
+            whole = sample["split"] in dataset.test_splits
+            rows.append(_row(sample, dataset, root, source, None if whole else pixels, seed))
+            advance(1)
+        names = tables.schema("depth").names
+        return tables.from_columns("depth", {n: [row.get(n) for row in rows] for n in names})
+
+    return step
+
+
+def files(
+    *, depth_model: str, weights: Path | None = None, **_: Any
+) -> dict[str, Path]:
+    """The model file that these options read; none for depth that lies in files."""
+    if depth_model.partition(":")[0] == "files":
+        return {}
+    from .onnx import model_file
+
+    return {"model": model_file(depth_model, weights)}
+
+
+def _row(
+    sample: dict[str, Any],
+    dataset: Dataset,
+    root: Path,
+    source: Source,
+    pixels: int | None,
+    seed: int,
+) -> dict[str, Any]:
+    row: dict[str, Any] = {"sample_id": sample["sample_id"]}
+    if sample["depth"] is None:
+        return row | {"status": "skipped", "error": "no ground-truth depth is listed"}
+    try:
+        if sample["image"] is None:
+            raise RowError("no image is listed, so there is no relative depth")
+        try:
+            depth = dataset.read_depth(root / sample["depth"])
+        except RowError as error:
+            raise RowError(f"{sample['depth']}: {error}") from error
+        relative = source(sample["image"])
+        return row | _measure(sample["sample_id"], depth, relative, dataset, pixels, seed)
+    except RowError as error:
+        return row | {"status": "failed", "error": str(error)}
+
+
+def _measure(
+    sample_id: str,
+    depth: np.ndarray,
+    relative: Relative,
+    dataset: Dataset,
+    pixels: int | None,
+    seed: int,
+) -> dict[str, Any]:
+    """The columns of one image whose ground truth and relative depth were both read."""
+    height, width = depth.shape
+    y = at_size(relative, height, width)
+    valid = (depth > dataset.min_depth) & (depth < dataset.max_depth) & np.isfinite(depth)
+    valid &= dataset.train_mask(height, width) & ~np.isnan(y)
+    if not valid.any():
+        raise RowError(
+            f"no valid pixel: no ground truth between {dataset.min_depth:g} and "
+            f"{dataset.max_depth:g} m inside the mask where the relative depth is defined"
+        )
+    if np.nanmax(np.abs(y)) > _FLOAT16_MAX:
+        raise RowError(f"relative depth {np.nanmax(np.abs(y)):g} is too large for float16")
+    if (depth > _FLOAT16_MAX).any():
+        raise RowError(f"depth of {depth.max():g} m is too large for float16: is the unit right?")
+    y_valid, depth_valid = y[valid], depth[valid]
+    fit = inverse_fit(y_valid, depth_valid)
+    n_valid = len(y_valid)
+    if pixels is not None:
+        drawn = draw(n_valid, pixels, seed, sample_id)
+        y, depth = y_valid[drawn], depth_valid[drawn]
+    return {
+        "status": "ok",
+        "y_width": relative.y.shape[1],
+        "y_height": relative.y.shape[0],
+        "width": width,
+        "height": height,
+        "kind": "map" if pixels is None else "pixels",
+        "relative": y.astype("<f2").tobytes(),
+        "metric": depth.astype("<f2").tobytes(),
+        "n_valid": n_valid,
+        "repeated": pixels is not None and n_valid < pixels,
+        "fit_scale": fit and fit[0],
+        "fit_shift": fit and fit[1],
+        "median_scale": median_scale(y_valid, depth_valid),
+    }
+
+
+def at_size(relative: Relative, height: int, width: int) -> np.ndarray:
+    """y on the pixels of a map of another size, bicubic; NaN outside the box that y covers.
+
+    NaN in y spreads to every pixel that bicubic interpolation would have drawn from it. Bicubic
+    overshoots at edges, so y may become negative, as it does in the released code.
+    Returns float32 of shape (height, width).
+    """
+    import cv2
+
+    x0, y0, x1, y1 = np.round(np.multiply(relative.box, (width, height, width, height))).astype(int)
+    y = np.asarray(relative.y, np.float32)
+    if y.shape != (y1 - y0, x1 - x0):
+        y = cv2.resize(y, (int(x1 - x0), int(y1 - y0)), interpolation=cv2.INTER_CUBIC)
+    if y.shape == (height, width):
+        return y
+    whole = np.full((height, width), np.nan, np.float32)
+    whole[y0:y1, x0:x1] = y
+    return whole

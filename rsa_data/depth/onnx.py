@@ -1,0 +1,155 @@
+"""Relative depth from an ONNX model, by its card: what it wants to see and what it answers."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import images
+from ..errors import RowError, UsageError
+from ..models import Card, card_of, local_file, open_session
+from . import Relative, Source
+from .files import inverse
+
+# Size of the crop of KITTI images, height and width in px (BTS, `do_kb_crop`).
+KB_CROP = (352, 1216)
+
+
+def build(
+    *,
+    name: str,
+    argument: str,
+    root: Path,
+    weights: Path | None,
+    geometry: str | None,
+    crop: str,
+    threads: int,
+    **_: Any,
+) -> Source:
+    """A session on the model's file, and the reader of images below `root`; see measure.build."""
+    if argument:
+        raise UsageError(f"depth model {name}: takes no argument, found {argument!r}")
+    card = card_of("relative-depth", name)
+    session = open_session(model_file(name, weights), threads)
+    resize = fixed(geometry) if geometry else RESIZES[card["resize"]](card)
+    name_in = session.get_inputs()[0].name
+
+    def source(path: str) -> Relative:
+        try:
+            image = images.read_image(root / path)
+            box = kb_box(*image.shape[:2]) if crop == "kb" else (0, 0, 1, 1)
+            seen, part = resize(cut(image, box))
+        except RowError as error:
+            raise RowError(f"{path}: {error}") from error
+        output = session.run(None, {name_in: normalise(seen, card)})[0]
+        y = np.asarray(output, np.float32).reshape(output.shape[-2:])
+        return Relative(inverse(y) if card["output"] == "depth" else y, inside(box, part))
+
+    return source
+
+
+def model_file(name: str, weights: Path | None) -> Path:
+    """The weights given, or the card's file: from the cache, downloaded and checked if need be."""
+    return local_file(card_of("relative-depth", name), weights)
+
+
+Box = tuple[float, float, float, float]
+# RGB uint8 (h, w, 3) -> what the model sees, same layout, and the part of the image it shows.
+Resize = Callable[[np.ndarray], tuple[np.ndarray, Box]]
+
+
+def fixed(geometry: str) -> Resize:
+    """Squashes every image to WIDTHxHEIGHT, bicubic, as the released code does (434x560 high)."""
+    match = re.fullmatch(r"(\d+)x(\d+)", geometry)
+    if not match or not int(match[1]) * int(match[2]):
+        raise UsageError(f"geometry: expected WIDTHxHEIGHT in px such as 560x434, found {geometry!r}")
+    size = int(match[1]), int(match[2])
+    return lambda image: (_resize(image, *size), (0.0, 0.0, 1.0, 1.0))
+
+
+def _squash(card: Card) -> Resize:
+    """The card's `width` and `height`, whatever the image's shape."""
+    return fixed(f"{card['width']}x{card['height']}")
+
+
+def _keep_aspect(card: Card) -> Resize:
+    """The side that needs the least change becomes `size`, both are rounded to `multiple`.
+
+    As DPTImageProcessor of transformers (keep_aspect_ratio) and Depth Anything do it.
+    """
+
+    def resize(image: np.ndarray) -> tuple[np.ndarray, Box]:
+        height, width = image.shape[:2]
+        k = min(card["size"] / height, card["size"] / width, key=lambda k: abs(1 - k))
+        multiple = card["multiple"]
+        sides = [max(1, round(k * side / multiple)) * multiple for side in (width, height)]
+        return _resize(image, *sides), (0.0, 0.0, 1.0, 1.0)
+
+    return resize
+
+
+def _centre_crop(card: Card) -> Resize:
+    """The short side becomes `short`, then the centred square of `size` is cut out."""
+
+    def resize(image: np.ndarray) -> tuple[np.ndarray, Box]:
+        height, width = image.shape[:2]
+        k = card["short"] / min(height, width)
+        height, width = round(height * k), round(width * k)
+        size = card["size"]
+        y0, x0 = (height - size) // 2, (width - size) // 2
+        seen = _resize(image, width, height, area=k < 1)[y0 : y0 + size, x0 : x0 + size]
+        return seen, (x0 / width, y0 / height, (x0 + size) / width, (y0 + size) / height)
+
+    return resize
+
+
+RESIZES: dict[str, Callable[[Card], Resize]] = {
+    "squash": _squash,
+    "keep-aspect": _keep_aspect,
+    "centre-crop": _centre_crop,
+}
+
+
+def _resize(image: np.ndarray, width: int, height: int, area: bool = False) -> np.ndarray:
+    import cv2
+
+    if image.shape[:2] == (height, width):
+        return image
+    how = cv2.INTER_AREA if area else cv2.INTER_CUBIC
+    return cv2.resize(image, (width, height), interpolation=how)
+
+
+def normalise(image: np.ndarray, card: Card) -> np.ndarray:
+    """RGB uint8 (h, w, 3) -> float32 (1, 3, h, w): / 255, minus the card's mean, over its std."""
+    mean, std = (np.float32(card.get(key, d)) for key, d in (("mean", (0,) * 3), ("std", (1,) * 3)))
+    values = (image.astype(np.float32) / np.float32(255) - mean) / std  # (h, w, 3)
+    return np.ascontiguousarray(values.transpose(2, 0, 1)[None])  # (1, 3, h, w)
+
+
+def kb_box(height: int, width: int) -> Box:
+    """KITTI's crop of BTS, bottom centre, as fractions of the image; RowError when it is smaller."""
+    h, w = KB_CROP
+    if height < h or width < w:
+        raise RowError(f"crop kb: expected at least {w}x{h} px, found {width}x{height}")
+    left = (width - w) // 2
+    return left / width, (height - h) / height, (left + w) / width, 1.0
+
+
+def cut(image: np.ndarray, box: Box) -> np.ndarray:
+    """The part of an image inside `box` (fractions of its width and height)."""
+    height, width = image.shape[:2]
+    x0, y0, x1, y1 = np.round(np.multiply(box, (width, height, width, height))).astype(int)
+    return image[y0:y1, x0:x1]
+
+
+def inside(outer: Box, inner: Box) -> Box:
+    """`inner`, a part of the cut-out `outer`, as a part of the whole image."""
+    x0, y0, width, height = outer[0], outer[1], outer[2] - outer[0], outer[3] - outer[1]
+    return (
+        x0 + inner[0] * width,
+        y0 + inner[1] * height,
+        x0 + inner[2] * width,
+        y0 + inner[3] * height,
+    )

@@ -1,0 +1,1 @@
+"""Metrics, protocols, oracles, and the evaluation that puts a head beside its baselines."""
