@@ -31,7 +31,7 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
 
 
 def load_dataset(work: Work, name: str) -> Dataset:
-    """The dataset that a work dir has indexed under `name`, with the options it was indexed with."""
+    """The dataset that a work dir has under `name`, with the options it was indexed with."""
     kept = dict(work.table(name, "samples").description()["options"])
     builder = kept.pop("dataset")
     known = option_binding.parameters(registry.resolve("dataset", registry.DATASETS, builder))

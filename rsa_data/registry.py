@@ -41,14 +41,17 @@ TOKENIZERS = {
 }
 
 ENCODERS = {
-    "minilm": "rsa_data.encoders.minilm:minilm",
-    "clip-rn50": "rsa_data.encoders.clip:clip_rn50",
+    "minilm": "rsa_data.encoders.sentence:MINILM",
+    "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50",
 }
 
 DEPTH_MODELS = {
     "files": "rsa_data.depth.files:build",
     "tu2020": "rsa_data.depth.onnx:build",
     "depth-anything-v2-small": "rsa_data.depth.onnx:build",
+    "depth-anything-small": "rsa_data.depth.onnx:build",
+    "dpt-hybrid-midas": "rsa_data.depth.onnx:build",
+    "midas-v21-small": "rsa_data.depth.onnx:build",
 }
 
 HEADS = {
@@ -88,6 +91,19 @@ class extras:
                 f"{self.what} needs the package {error.name!r}, which is not installed: "
                 f'pip install "rsa-data[{extra}]"'
             ) from error
+
+
+def described(table: dict[str, str]) -> list[tuple[str, str]]:
+    """(name, first line of the documentation) of every entry of a table."""
+    return [(name, _first_line(name, table)) for name in sorted(table)]
+
+
+def _first_line(name: str, table: dict[str, str]) -> str:
+    try:
+        found = resolve("entry", table, name)
+    except RsaDataError as error:
+        return str(error)
+    return (found.__doc__ or "").strip().partition("\n")[0]
 
 
 def unknown(kind: str, name: str, choices: Iterable[str]) -> UsageError:

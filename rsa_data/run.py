@@ -77,6 +77,7 @@ def run(
             )
     description = stages.describe(job)
     output.bind(description)
+    stages.remember(job)
     todo, stale = stages.pending(job, description, numbers)
     if redo_failed:
         again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
@@ -146,7 +147,7 @@ def select(
         splits = {n: samples.receipt(n)["split"] for n in numbers}
         if split not in splits.values():
             raise UsageError(
-                f"{dataset}: no split {split!r}; there are: {', '.join(sorted(set(splits.values())))}"
+                f"{dataset}: no split {split!r}; there are: {', '.join(sorted({*splits.values()}))}"
             )
         numbers = [n for n in numbers if splits[n] == split]
     if part_range is not None:

@@ -6,6 +6,8 @@ that knows no engine, no store and no receipt: those stand here.
 """
 
 import hashlib
+import inspect
+import json
 import platform
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ import pyarrow.compute as pc
 
 from . import index, options, tables
 from .errors import RsaDataError, UsageError
-from .parts import Parts, Work, fingerprint
+from .parts import Parts, Work, fingerprint, to_json
 
 Step = Callable[..., pa.Table]
 
@@ -141,6 +143,26 @@ def job(
     )
 
 
+def job_of(work: Work, dataset: str, table: str) -> Job:
+    """The job that makes a table that is there, from what its last run has left beside it."""
+    there = work.table(dataset, table)
+    description = there.description()
+    last = json.loads(there.store.read(f"{there.path}/local.json") or b"{}")
+    inputs = description["inputs"]
+    upstream = inputs[0] if inputs[0] != "samples" else None
+    given = {**description["options"], **last}
+    return job(work, description["stage"], dataset, given, upstream=upstream)
+
+
+def remember(job: Job) -> None:
+    """Keeps where the job found its files, for `job_of`; no part depends on it."""
+    stage = STAGES[job.stage]
+    names = (*stage.local, stage.selector)
+    kept = {name: _plain(value) for name, value in job.options.items() if name in names}
+    output = job.table(job.output)
+    output.store.write(f"{output.path}/local.json", to_json(kept))
+
+
 def bind(stage: str, given: dict[str, Any]) -> dict[str, Any]:
     """The options of a stage, defaults filled in; raises UsageError, see options.bind."""
     build = STAGES[stage].build
@@ -155,8 +177,6 @@ def bind(stage: str, given: dict[str, Any]) -> dict[str, Any]:
 
 def _with_parameters(function: Callable[..., Any], names: tuple[str, ...]) -> Callable[..., Any]:
     """A stand-in with the same docstring and only these keyword-only parameters."""
-    import inspect
-
     known = options.parameters(function)
 
     def stub(**_: Any) -> None: ...
@@ -217,9 +237,13 @@ def _version(name: str) -> str:
         return "unknown"
 
 
-def part_fingerprint(job: Job, description: dict[str, Any], number: int) -> str:
+def part_inputs(job: Job, number: int) -> dict[str, str]:
+    """Digests of the content of a part's input parts."""
+    return {name: job.table(name).receipt(number)["digest"] for name in job.inputs}
+
+
+def part_fingerprint(description: dict[str, Any], inputs: dict[str, str]) -> str:
     """What a part's content follows from: the table's description and its input parts' content."""
-    inputs = {name: job.table(name).receipt(number)["digest"] for name in job.inputs}
     what = {key: value for key, value in description.items() if key != "made_with"}
     return fingerprint({"table": what, "inputs": inputs})
 
@@ -237,8 +261,9 @@ def build_step(job: Job) -> Step:
 
 
 def run_part(job: Job, step: Step, description: dict[str, Any], number: int) -> dict[str, Any]:
-    """Reads the input parts, runs the step, accounts for every row, commits. Returns the receipt."""
+    """Reads the input parts, runs the step, accounts for every row, commits; gives the receipt."""
     stage = STAGES[job.stage]
+    digests = part_inputs(job, number)
     inputs = [job.table(name).read(number) for name in job.inputs]
     output = step(*inputs)
     counts = account(inputs[0], output, stage.unit, f"{job.dataset}/{job.output} part {number}")
@@ -248,7 +273,8 @@ def run_part(job: Job, step: Step, description: dict[str, Any], number: int) -> 
         {
             **counts,
             "split": job.table("samples").receipt(number)["split"],
-            "fingerprint": part_fingerprint(job, description, number),
+            "inputs": digests,
+            "fingerprint": part_fingerprint(description, digests),
         },
     )
 
@@ -286,7 +312,9 @@ def pending(job: Job, description: dict[str, Any], numbers: Iterable[int]) -> tu
     for number in numbers:
         if number not in done:
             todo.append(number)
-        elif output.receipt(number)["fingerprint"] != part_fingerprint(job, description, number):
+        elif output.receipt(number)["fingerprint"] != part_fingerprint(
+            description, part_inputs(job, number)
+        ):
             todo.append(number)
             stale.append(number)
     return todo, stale

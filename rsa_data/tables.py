@@ -79,7 +79,9 @@ def from_columns(name: str, columns: Mapping[str, Any]) -> pa.Table:
 
 
 def check(name: str, table: pa.Table) -> None:
-    """Raises RsaDataError unless `table` has exactly the columns, types, values and nulls of `name`.
+    """Raises RsaDataError unless `table` is exactly as schemas/NAME.toml says.
+
+    That is: its columns in their order, their types, values and nulls.
 
     `pa.Table.from_pylist` with a schema lets nulls into fields declared non-null and drops unknown
     keys, so nothing is written without this.
