@@ -1,4 +1,4 @@
-"""What the commands do: each stage over one dataset, with what it needs brought up to date first."""
+"""What the commands do: each stage over one dataset, with what it needs made first."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

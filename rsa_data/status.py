@@ -20,10 +20,10 @@ def status(work: Work) -> list[str]:
             table = work.table(dataset, name)
             receipts = [table.receipt(number) for number in table.parts()]
             counts = [sum(r[k] for r in receipts) for k in ("ok", "failed", "skipped", "bytes")]
-            rows.append(
-                [name, f"{len(receipts)}/{total}", *[f"{c:,}" for c in counts[:3]], size(counts[3])]
-                + [stale(work, table)]
-            )
+            *rows_done, used = counts
+            numbers = [f"{count:,}" for count in rows_done]
+            done = f"{len(receipts)}/{total}"
+            rows.append([name, done, *numbers, size(used), stale(work, table)])
         header = ["table", "parts", "ok", "failed", "skipped", "size", ""]
         lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
     return lines or [f"{work.store.location}: no dataset yet"]

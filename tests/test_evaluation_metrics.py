@@ -24,9 +24,7 @@ def by_pixel(gt, pred, low, high):
     logs = [math.log(p) - math.log(g) for g, p in pairs]
     mean_log = sum(logs) / n
     return {
-        **{
-            f"delta{k}": sum(max(g / p, p / g) < 1.25**k for g, p in pairs) / n for k in (1, 2, 3)
-        },
+        **{f"delta{k}": sum(max(g / p, p / g) < 1.25**k for g, p in pairs) / n for k in (1, 2, 3)},
         "abs_rel": sum(abs(g - p) / g for g, p in pairs) / n,
         "sq_rel": sum((g - p) ** 2 / g for g, p in pairs) / n,
         "rmse": math.sqrt(sum((g - p) ** 2 for g, p in pairs) / n),
