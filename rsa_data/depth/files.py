@@ -1,5 +1,6 @@
 """Relative depth that lies in files: one .npy or 16-bit PNG an image."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from ..datasets import Dataset
 from ..errors import RowError, UsageError
+from ..images import read_bytes
 from . import Relative, Source
 
 
@@ -56,7 +58,7 @@ def inverse(depth: np.ndarray) -> np.ndarray:
 
 def _array(path: Path, name: str) -> np.ndarray:
     try:
-        values = np.load(path, allow_pickle=False)
+        values = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
         raise RowError(f"{name}: not a readable .npy array") from error
     values = np.squeeze(values)
@@ -71,7 +73,7 @@ def _array(path: Path, name: str) -> np.ndarray:
 def _png(path: Path, name: str) -> np.ndarray:
     import cv2
 
-    values = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    values = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None:
         raise RowError(f"{name}: not a readable PNG")
     if values.dtype != np.uint16 or values.ndim != 2:

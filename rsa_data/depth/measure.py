@@ -73,9 +73,7 @@ def build(
     return step
 
 
-def files(
-    *, depth_model: str, weights: Path | None = None, **_: Any
-) -> dict[str, Path]:
+def files(*, depth_model: str, weights: Path | None = None, **_: Any) -> dict[str, Path]:
     """The model file that these options read; none for depth that lies in files."""
     if depth_model.partition(":")[0] == "files":
         return {}
@@ -135,7 +133,7 @@ def _measure(
     n_valid = len(y_valid)
     if pixels is not None:
         drawn = draw(n_valid, pixels, seed, sample_id)
-        y, depth = y_valid[drawn], depth_valid[drawn]
+    stored = (y, depth) if pixels is None else (y_valid[drawn], depth_valid[drawn])
     return {
         "status": "ok",
         "y_width": relative.y.shape[1],
@@ -143,8 +141,8 @@ def _measure(
         "width": width,
         "height": height,
         "kind": "map" if pixels is None else "pixels",
-        "relative": y.astype("<f2").tobytes(),
-        "metric": depth.astype("<f2").tobytes(),
+        "relative": stored[0].astype("<f2").tobytes(),
+        "metric": stored[1].astype("<f2").tobytes(),
         "n_valid": n_valid,
         "repeated": pixels is not None and n_valid < pixels,
         "fit_scale": fit and fit[0],

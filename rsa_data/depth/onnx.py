@@ -64,7 +64,9 @@ def fixed(geometry: str) -> Resize:
     """Squashes every image to WIDTHxHEIGHT, bicubic, as the released code does (434x560 high)."""
     match = re.fullmatch(r"(\d+)x(\d+)", geometry)
     if not match or not int(match[1]) * int(match[2]):
-        raise UsageError(f"geometry: expected WIDTHxHEIGHT in px such as 560x434, found {geometry!r}")
+        raise UsageError(
+            f"geometry: expected WIDTHxHEIGHT in px such as 560x434, found {geometry!r}"
+        )
     size = int(match[1]), int(match[2])
     return lambda image: (_resize(image, *size), (0.0, 0.0, 1.0, 1.0))
 
@@ -129,7 +131,7 @@ def normalise(image: np.ndarray, card: Card) -> np.ndarray:
 
 
 def kb_box(height: int, width: int) -> Box:
-    """KITTI's crop of BTS, bottom centre, as fractions of the image; RowError when it is smaller."""
+    """KITTI's crop of BTS, bottom centre, as fractions of the image; RowError for a smaller one."""
     h, w = KB_CROP
     if height < h or width < w:
         raise RowError(f"crop kb: expected at least {w}x{h} px, found {width}x{height}")

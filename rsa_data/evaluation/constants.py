@@ -1,0 +1,76 @@
+"""The baseline that knows the dataset and nothing of the image: one scale and shift for all."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import RsaDataError
+from ..parts import Work
+
+
+def fit_constant(groups: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> tuple[float, float]:
+    """The positive scale and shift with the least L1 error in metric depth over all groups.
+
+    groups : (y, depth in m, max_depth in m) of each dataset, arrays of shape (n,). A group's error
+        is its mean |min(1 / (scale * y + shift), max_depth) - depth| over its mean depth, so that
+        streets do not outweigh rooms; groups count alike.
+
+    The loss and the family (both positive) are those of the head, so that the head beats this only
+    by what it knows of the image. Searched on a grid of the two logarithms that closes in on its
+    best point: no start to choose, no local minimum between grid points of the first, wide round.
+    """
+    scaled = [
+        (np.asarray(y, np.float64), np.asarray(d, np.float64), 1.0 / m, float(np.mean(d)))
+        for y, d, m in groups
+    ]
+
+    def loss(log_scale: float, log_shift: float) -> float:
+        scale, shift = np.exp(log_scale), np.exp(log_shift)
+        return sum(
+            float(np.mean(np.abs(1.0 / np.maximum(scale * y + shift, floor) - d))) / mean
+            for y, d, floor, mean in scaled
+        )
+
+    # A scale of 1 is a median y at the median inverse depth; shifts reach from 1 km to 10 cm.
+    usual = np.median([np.median(1.0 / d) / max(np.median(np.abs(y)), 1e-9) for y, d, _, _ in scaled])
+    centre, reach = np.array([np.log(usual), np.log(0.1)]), np.array([7.0, 4.6])
+    best = np.inf
+    for _ in range(24):
+        axes = [np.linspace(c - r, c + r, 9) for c, r in zip(centre, reach, strict=True)]
+        losses = np.array([[loss(a, b) for b in axes[1]] for a in axes[0]])
+        i, j = np.unravel_index(np.argmin(losses), losses.shape)
+        if losses[i, j] < best:
+            best, centre = losses[i, j], np.array([axes[0][i], axes[1][j]])
+        reach = reach * 0.6
+    return float(np.exp(centre[0])), float(np.exp(centre[1]))
+
+
+def training_pixels(
+    work: Work, dataset: str, depth: str, images: int = 1000, pixels: int = 64
+) -> tuple[np.ndarray, np.ndarray]:
+    """(y, depth in m) of pixels of the training images of a dataset, float32 of shape (n,).
+
+    depth : the table's name. images : at most so many, spread evenly over all; pixels : of each.
+    Raises RsaDataError when the table holds no training part.
+    """
+    table = work.table(dataset, depth)
+    good = {n: r["ok"] for n in table.parts() if (r := table.receipt(n))["split"] == "train"}
+    total = sum(good.values())
+    if not total:
+        raise RsaDataError(
+            f"{table}: no training image there, so there is no constant to fit. Run "
+            f"`rsa-data depth --dataset {dataset} --split train`"
+        )
+    wanted = np.unique(np.linspace(0, total - 1, min(images, total)).astype(int))
+    y, metric, begun = [], [], 0
+    for number, ok in good.items():
+        inside = wanted[(wanted >= begun) & (wanted < begun + ok)] - begun
+        begun += ok
+        if not len(inside):
+            continue
+        part = table.read(number, ["relative", "metric"]).drop_null().take(inside)
+        for column, values in (("relative", y), ("metric", metric)):
+            for data in part[column].to_pylist():
+                # Pixels stand in random order, so the first are a sample.
+                values.append(np.frombuffer(data, "<f2", min(pixels, len(data) // 2)))
+    return np.concatenate(y).astype(np.float32), np.concatenate(metric).astype(np.float32)

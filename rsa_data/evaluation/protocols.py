@@ -1,0 +1,105 @@
+"""Which pixels count and in what range: the protocols of the codebases that tables come from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..datasets import Dataset
+from ..errors import RowError
+from ..registry import unknown
+
+# (height, width) -> bool array of that shape, True where pixels count.
+Region = Callable[[int, int], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How one dataset is evaluated under a protocol.
+
+    region : the crop. min_depth, max_depth : m; ground truth strictly between them counts, and
+        predictions are clipped to them.
+    median_scaled : each prediction is first multiplied by the median of the ground truth over its
+        own median, so that only its shape is judged. Always before clipping.
+    """
+
+    region: Region
+    min_depth: float
+    max_depth: float
+    median_scaled: bool = False
+
+
+def whole(height: int, width: int) -> np.ndarray:
+    """No crop."""
+    return np.ones((height, width), bool)
+
+
+def eigen(height: int, width: int) -> np.ndarray:
+    """The crop of NYU frames of 640x480 px, rows 45 to 471 and columns 41 to 601 (BTS)."""
+    if (height, width) != (480, 640):
+        raise RowError(f"the Eigen crop is defined on 640x480 px, found {width}x{height}")
+    return _rectangle(height, width, 45, 471, 41, 601)
+
+
+def garg(height: int, width: int) -> np.ndarray:
+    """Garg's crop of KITTI as fractions of the map (Garg et al. 2016; numbers of Monodepth)."""
+    rows = int(0.40810811 * height), int(0.99189189 * height)
+    columns = int(0.03594771 * width), int(0.96405229 * width)
+    return _rectangle(height, width, *rows, *columns)
+
+
+def kb_garg(height: int, width: int) -> np.ndarray:
+    """KITTI's benchmark crop, 352 rows at the bottom and 1216 columns, then Garg's of that."""
+    if height < 352 or width < 1216:
+        raise RowError(f"the KB crop needs at least 1216x352 px, found {width}x{height}")
+    top, left = height - 352, (width - 1216) // 2
+    region = np.zeros((height, width), bool)
+    region[top:, left : left + 1216] = garg(352, 1216)
+    return region
+
+
+def _rectangle(height: int, width: int, y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
+    region = np.zeros((height, width), bool)
+    region[y0:y1, x0:x1] = True
+    return region
+
+
+# Minimum depth of every protocol. The code of RSA takes VOID's 0.2 m for NYU and KITTI too, by
+# accident; this product does not.
+_MIN = 1e-3
+
+_RSA = {
+    "nyuv2": Rules(whole, _MIN, 10.0),
+    "kitti": Rules(kb_garg, _MIN, 80.0),
+    "void": Rules(whole, 0.2, 5.0),
+}
+_BTS = _RSA | {"nyuv2": Rules(eigen, _MIN, 10.0)}
+
+# Protocol -> dataset -> rules. A dataset that is not named is evaluated whole, in its own range.
+PROTOCOLS: dict[str, dict[str, Rules]] = {
+    "rsa": _RSA,
+    "bts": _BTS,
+    "monodepth2": {
+        "nyuv2": Rules(eigen, _MIN, 10.0, median_scaled=True),
+        "kitti": Rules(garg, _MIN, 80.0, median_scaled=True),
+    },
+    "depth-anything": _BTS
+    | {
+        "sunrgbd": Rules(eigen, _MIN, 8.0),
+        "ddad": Rules(kb_garg, _MIN, 80.0),
+    },
+}
+
+
+def rules(protocol: str, dataset: Dataset, kind: str) -> Rules:
+    """The rules of a protocol for a dataset.
+
+    kind : the dataset's name in the registry, where `dataset.name` may be a user's own.
+    Raises UsageError for an unknown protocol.
+    """
+    if protocol not in PROTOCOLS:
+        raise unknown("protocol", protocol, PROTOCOLS)
+    own = Rules(
+        whole, dataset.min_depth, dataset.max_depth, median_scaled=protocol == "monodepth2"
+    )
+    return PROTOCOLS[protocol].get(kind, own)
