@@ -126,7 +126,7 @@ def test_a_full_disk_is_a_clear_error_and_keeps_what_was_there(table, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(RsaDataError, match="cannot write .*part-00001.parquet: No space left"):
+    with pytest.raises(RsaDataError, match=r"cannot write .*part-00001.parquet: No space left"):
         table.commit(1, embeddings(), COUNTS)
     monkeypatch.undo()
     assert table.parts() == [0]
