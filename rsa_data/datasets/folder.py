@@ -1,0 +1,211 @@
+"""Any folder of images, with depth of a stated unit and intrinsics where there are some."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+import pyarrow as pa
+
+from ..errors import RowError, RsaDataError, UsageError
+from . import Dataset
+from .cameras import UNKNOWN, Camera, read_matrix
+from .depth_files import UNITS, npy, png16, units_per_metre
+from .listing import (
+    Sample,
+    files_below,
+    guide,
+    inside,
+    is_image,
+    lines,
+    require_folder,
+    stem,
+    to_table,
+)
+
+_SPLITS = ("train", "val", "test")
+_DEPTH_SUFFIXES = (".png", ".npy")
+
+
+def folder(
+    *,
+    images: str | None = None,
+    depth: str | None = None,
+    depth_unit: str | None = None,
+    intrinsics: str | None = None,
+    test_share: float = 0.0,
+    test_list: Path | None = None,
+    min_depth: float = 1e-3,
+    max_depth: float = 80.0,
+) -> Dataset:
+    """Any images below a folder; train/, val/ and test/ in it are splits when they are there.
+
+    Parameters
+    ----------
+    images : name of the folders that hold images, such as rgb; without it every image is taken.
+        Everything else below the root is left alone then.
+    depth : name of the folders that hold depth, 16-bit PNG or .npy with the image's file name.
+        It stands in the place of `images` in the path (a/rgb/1.jpg, a/depth/1.png), or before
+        the whole path when `images` is not given (a/1.jpg, depth/a/1.png).
+    depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
+    intrinsics : fx,fy,cx,cy in px of all images, or a text file below the root with the 3 x 3
+        camera matrix.
+    test_share : share of the images to hold out for testing, 0 to 1. Whole scenes are taken from
+        the end, or the last frames where there is one scene only; not with a folder test/.
+    test_list : file with the paths of the test images below the root, one a line; not with a
+        folder test/.
+    min_depth : m, smaller depth counts as none.
+    max_depth : m, larger depth counts as none.
+    """
+    if (depth is None) != (depth_unit is None):
+        raise UsageError(
+            "folder: depth and depth_unit go together: the name of the folders with depth, and one "
+            f"of the units {', '.join(UNITS)} or m/N, N steps a metre; no unit is ever guessed"
+        )
+    if not 0 <= test_share < 1:
+        raise UsageError(f"folder: test_share: expected 0 up to 1, found {test_share}")
+    if test_share and test_list:
+        raise UsageError("folder: expected test_share or test_list, found both")
+    if not 0 < min_depth < max_depth:
+        raise UsageError(
+            f"folder: expected 0 < min_depth < max_depth, found {min_depth} and {max_depth}"
+        )
+    return Dataset(
+        name="folder",
+        index=partial(_index, images, depth, intrinsics, test_share, test_list),
+        read_depth=_reader(depth_unit) if depth_unit is not None else _no_depth,
+        min_depth=min_depth,
+        max_depth=max_depth,
+        scene=scene,
+    )
+
+
+def scene(key: str) -> str:
+    """The folder that the image lies in."""
+    return key.rpartition("/")[0] or "."
+
+
+def _reader(unit: str) -> Callable[[Path], np.ndarray]:
+    try:
+        per_metre = units_per_metre(unit)
+    except ValueError as error:
+        raise UsageError(
+            f"folder: depth_unit: expected {', '.join(UNITS)} or m/N, N steps a metre, "
+            f"found {unit!r}"
+        ) from error
+    # A camera writes the largest value for "too far".
+    readers = {".png": png16(per_metre, none=(0, 65535)), ".npy": npy(per_metre)}
+    return lambda path: readers[path.suffix.lower()](path)
+
+
+def _no_depth(path: Path) -> np.ndarray:
+    raise RowError("the dataset was indexed without depth")
+
+
+def _index(
+    images: str | None,
+    depth: str | None,
+    intrinsics: str | None,
+    test_share: float,
+    test_list: Path | None,
+    root: Path,
+    split: str | None,
+) -> pa.Table:
+    require_folder("folder", root)
+    camera = _camera(root, intrinsics) if intrinsics else UNKNOWN
+    found = sorted(_samples(root, images, depth, camera), key=lambda s: _natural(s.key))
+    if depth and found and not any(s.depth for s in found):
+        example = found[0].image or ""
+        raise RsaDataError(
+            f"folder: {root}: expected depth such as {_depth_stem(example, images, depth)}.png for "
+            f"the image {example}, found none for any of {len(found)} images; {guide('folder')}"
+        )
+    if (test_share or test_list) and any(s.split != "train" for s in found):
+        raise UsageError(
+            f"folder: {root}: expected test_share or test_list, or folders train/ and test/, "
+            "found both"
+        )
+    if test_list:
+        found = _hold_out_listed(found, test_list)
+    elif test_share:
+        found = _hold_out_last(found, test_share)
+    return to_table("folder", root, found, split)
+
+
+def _samples(root: Path, images: str | None, depth: str | None, camera: Camera) -> Iterator[Sample]:
+    splits = {s for s in _SPLITS if (root / s).is_dir()}
+    files = dict(files_below(root))
+    there = {below + name for below, names in files.items() for name in names} if depth else set()
+    for below, names in files.items():
+        parts = below.split("/")[:-1]
+        if depth in parts or (images is not None and images not in parts):
+            continue
+        which = parts[0] if parts and parts[0] in splits else "train"
+        for name in filter(is_image, names):
+            path = below + name
+            if splits and parts[:1] != [which]:
+                raise RsaDataError(
+                    f"folder: {root}: expected all images in {', '.join(sorted(splits))}, found "
+                    f"{path}; move it, or rename the folders if they are not splits"
+                )
+            at = _depth_stem(path, images, depth) if depth else ""
+            known = next((at + s for s in _DEPTH_SUFFIXES if at + s in there), None)
+            inner = [p for p in parts[bool(splits) :] if p != images]
+            key = stem("/".join([*inner, name]))
+            yield Sample(which, key, scene(key), path, known, camera)
+
+
+def _depth_stem(image: str, images: str | None, depth: str) -> str:
+    """Where an image's depth is looked for, below the root and without suffix."""
+    if images is None:
+        return f"{depth}/{stem(image)}"
+    parts = stem(image).split("/")
+    parts[parts.index(images)] = depth
+    return "/".join(parts)
+
+
+def _camera(root: Path, text: str) -> Camera:
+    if "," not in text:
+        path = root / inside(text, "folder: intrinsics")
+        return read_matrix(path, "folder")
+    try:
+        fx, fy, cx, cy = (float(v) for v in text.split(","))
+        if min(fx, fy) > 0 and np.isfinite((fx, fy, cx, cy)).all():
+            return fx, fy, cx, cy
+    except ValueError:
+        pass
+    raise UsageError(f"folder: intrinsics: expected fx,fy,cx,cy in px, found {text!r}")
+
+
+def _natural(key: str) -> list[tuple[int, str]]:
+    """A sort key by which frame_9 comes before frame_10."""
+    return [(int(d), "") if d else (-1, t) for t, d in re.findall(r"(\D+)|(\d+)", key)]
+
+
+def _hold_out_last(found: list[Sample], share: float) -> list[Sample]:
+    """The last scenes that hold `share` of the images together; of one scene its last frames."""
+    wanted = round(share * len(found))
+    scenes = list(dict.fromkeys(s.scene for s in found))
+    if len(scenes) == 1:
+        start = len(found) - wanted
+        return [replace(s, split="test") if i >= start else s for i, s in enumerate(found)]
+    sizes = {name: sum(s.scene == name for s in found) for name in scenes}
+    held: set[str] = set()
+    for name in reversed(scenes[1:]):
+        if sum(sizes[h] for h in held) >= wanted:
+            break
+        held.add(name)
+    return [replace(s, split="test") if s.scene in held else s for s in found]
+
+
+def _hold_out_listed(found: list[Sample], listed: Path) -> list[Sample]:
+    known = {s.image for s in found}
+    held = set()
+    for where, fields in lines(listed, "folder"):
+        path = str(PurePosixPath(inside(" ".join(fields), where)))
+        if path not in known:
+            raise RsaDataError(f"{where}: expected the path of an image, found {path!r}")
+        held.add(path)
+    return [replace(s, split="test") if s.image in held else s for s in found]

@@ -1,0 +1,158 @@
+"""From files on disk to a samples table: walking folders, split files, checks that all share."""
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path, PurePosixPath
+
+import pyarrow as pa
+
+from .. import tables
+from ..errors import RsaDataError
+from ..images import SUFFIXES
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One row of samples before the dataset's name is put before its key.
+
+    image, depth : paths relative to the dataset's root, forward slashes.
+    camera : fx, fy, cx, cy in px, each None where unknown.
+    """
+
+    split: str
+    key: str
+    scene: str
+    image: str | None
+    depth: str | None
+    camera: tuple[float | None, float | None, float | None, float | None] = (None,) * 4
+
+
+def to_table(name: str, root: Path, samples: Iterable[Sample], split: str | None) -> pa.Table:
+    """The samples table of dataset `name`, sorted by split and sample_id.
+
+    split : keep this split only; None for all.
+
+    Raises RsaDataError when nothing is left, when two samples have the same key, or when a file
+    name is not UTF-8.
+    """
+    rows = sorted((s for s in samples if split in (None, s.split)), key=lambda s: (s.split, s.key))
+    if not rows:
+        what = f"split {split!r}" if split else "any split"
+        raise RsaDataError(f"{name}: {root}: expected images of {what}, found none; {guide(name)}")
+    for a, b in pairwise(rows):
+        if (a.split, a.key) == (b.split, b.key):
+            raise RsaDataError(
+                f"{name}: expected one image for each key, found {a.image} and {b.image} with the "
+                f"same key {a.split}/{a.key}; remove or rename one of them"
+            )
+    cameras = [list(column) for column in zip(*(s.camera for s in rows), strict=True)]
+    try:
+        return tables.from_columns(
+            "samples",
+            {
+                "sample_id": [f"{name}/{s.split}/{s.key}" for s in rows],
+                "dataset": [name] * len(rows),
+                "split": [s.split for s in rows],
+                "scene": [s.scene for s in rows],
+                "image": [s.image for s in rows],
+                "depth": [s.depth for s in rows],
+                # Reading 48,000 headers would make of seconds minutes; the stages that decode know.
+                "width": [None] * len(rows),
+                "height": [None] * len(rows),
+                "fx": cameras[0],
+                "fy": cameras[1],
+                "cx": cameras[2],
+                "cy": cameras[3],
+            },
+        )
+    except UnicodeEncodeError as error:
+        raise RsaDataError(
+            f"{name}: {root}: expected file names in UTF-8, found {error.object!r}; rename it"
+        ) from error
+
+
+def guide(name: str) -> str:
+    """The way out of every error about a layout."""
+    return f"see the section {name} of data/README.md"
+
+
+def require_folder(name: str, root: Path, *wanted: str) -> None:
+    """Raises RsaDataError unless `root` is a folder with at least one of `wanted` in it."""
+    if not root.is_dir():
+        found = "a file" if root.exists() else "nothing there"
+        raise RsaDataError(f"{name}: expected its folder at {root}, found {found}; {guide(name)}")
+    if wanted and not any((root / w).exists() for w in wanted):
+        found = ", ".join(sorted(p.name for p in root.iterdir())[:8]) or "an empty folder"
+        raise RsaDataError(
+            f"{name}: {root}: expected {' or '.join(wanted)} in it, found {found}; {guide(name)}"
+        )
+
+
+def files_below(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """(folder relative to `folder` with a slash at the end or "", file names), names sorted.
+
+    Hidden files and folders are left out. Links to folders are followed, each folder once.
+    """
+    seen: set[tuple[int, int]] = set()
+    waiting = [""]
+    while waiting:
+        below = waiting.pop()
+        here = folder / below
+        status = here.stat()
+        if (status.st_dev, status.st_ino) in seen:
+            continue
+        seen.add((status.st_dev, status.st_ino))
+        files: list[str] = []
+        folders: list[str] = []
+        with os.scandir(here) as entries:
+            for entry in entries:
+                if not entry.name.startswith("."):
+                    (folders if entry.is_dir() else files).append(entry.name)
+        yield below, sorted(files)
+        waiting += [f"{below}{name}/" for name in sorted(folders, reverse=True)]
+
+
+def is_image(name: str) -> bool:
+    """Whether a file's name ends like an image's."""
+    return PurePosixPath(name).suffix.lower() in SUFFIXES
+
+
+def stem(path: str) -> str:
+    """The path without its last suffix, which is what keys are made of."""
+    return str(PurePosixPath(path).with_suffix(""))
+
+
+def lines(path: Path, name: str) -> Iterator[tuple[str, list[str]]]:
+    """(where, fields) of each line of a text file that is not blank; where is "file line N".
+
+    Raises RsaDataError when the file is missing or not UTF-8 text.
+    """
+    try:
+        text = path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise RsaDataError(
+            f"{name}: {path}: expected UTF-8 text, found byte {error.object[error.start]:#x} at "
+            f"offset {error.start}"
+        ) from error
+    except OSError as error:
+        raise RsaDataError(
+            f"{name}: {path}: expected a text file, found: {error.strerror}; {guide(name)}"
+        ) from error
+    for number, line in enumerate(text.split("\n"), 1):
+        if fields := line.split():
+            yield f"{name}: {path} line {number}", fields
+
+
+def inside(text: str, where: str) -> str:
+    """A path of a split file, relative to root, refused when it would lead out of it.
+
+    BTS begins paths with a slash and means the root of the data, so one is taken away.
+    """
+    path = PurePosixPath(text.removeprefix("/"))
+    if path.is_absolute() or ".." in path.parts or "\0" in text or not path.parts:
+        raise RsaDataError(
+            f"{where}: expected a path below the dataset's root, found {text!r}; correct that line"
+        )
+    return str(path)
