@@ -99,13 +99,17 @@ def build(
             styles.NOTHING,
         )
         some = chosen.object >= 0
-        kept = np.bincount(chosen.caption[some], minlength=len(text))
+        caption, of = chosen.caption[some], found.area[chosen.object[some]]
+        kept = np.bincount(caption, minlength=len(text))
+        area = np.bincount(found.image, found.area, images)
         nothing = counter.specials + int(tokens([styles.NOTHING])[0])
         return {
             "text": text,
             "n_objects": np.repeat(np.diff(found.first), variants),
             "n_kept": kept,
             "n_tokens": np.where(kept, chosen.n_tokens, nothing),
+            "area": np.repeat(area, variants),
+            "area_kept": np.bincount(caption, of, len(text)),
         }
 
     def step(segments: pa.Table, samples: pa.Table) -> pa.Table:
@@ -123,9 +127,9 @@ def build(
             )
             for a in range(0, len(segments), size)
         ]
+        measured = tables.schema("captions").names[4:]
         columns = {
-            name: np.concatenate([b[name] for b in blocks]) if blocks else []
-            for name in ("n_objects", "n_kept", "n_tokens")
+            name: np.concatenate([b[name] for b in blocks]) if blocks else [] for name in measured
         }
         text = (
             pa.concat_arrays([b["text"] for b in blocks]) if blocks else pa.array([], pa.string())
@@ -139,7 +143,7 @@ def build(
                 "variant": pa.array(np.tile(np.arange(variants, dtype=np.int16), len(segments))),
                 "text": text,
                 "text_id": text_ids(text),
-                **{name: pa.array(c, pa.int32()) for name, c in columns.items()},
+                **{n: pa.array(c).cast(tables.schema("captions").field(n).type) for n, c in columns.items()},
             },
         )
 
