@@ -1,0 +1,63 @@
+"""Commands that only look: status, verify, list."""
+
+from collections.abc import Callable
+
+import click
+
+from .. import jobs, registry
+from .. import status as state
+from ..errors import RsaDataError
+from ..parts import Work
+from .shared import work_option
+
+
+@click.command("status")
+@work_option
+def status(work: str) -> None:
+    """What stands in a work dir: parts, rows, failures, sizes, and what is out of date.
+
+    \b
+      rsa-data status
+    """
+    for line in state.status(Work(work)):
+        click.echo(line)
+
+
+@click.command()
+@work_option
+def verify(work: str) -> None:
+    """Read every part again and hold it against its receipt.
+
+    \b
+      rsa-data verify
+    """
+    problems = state.verify(Work(work), click.echo)
+    if problems:
+        raise RsaDataError(f"{problems} problems found; delete a bad part's receipt to make it new")
+
+
+@click.command("list")
+@click.argument("what", required=False)
+def list_names(what: str | None) -> None:
+    """What can be chosen: datasets, segmenters, styles, encoders, depth models, heads, jobs.
+
+    \b
+      rsa-data list datasets
+    """
+    if what is not None and what not in _KINDS:
+        raise registry.unknown("kind", what, _KINDS)
+    for kind in [what] if what else _KINDS:
+        click.echo(f"{kind}:")
+        for name, doc in _KINDS[kind]():
+            click.echo(f"  {name:28} {doc}")
+
+
+_KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
+    "datasets": lambda: registry.described(registry.DATASETS),
+    "segmenters": lambda: registry.described(registry.SEGMENTERS),
+    "styles": lambda: registry.described(registry.STYLES),
+    "encoders": lambda: registry.described(registry.ENCODERS),
+    "depth-models": lambda: registry.described(registry.DEPTH_MODELS),
+    "heads": lambda: registry.described(registry.HEADS),
+    "jobs": jobs.described,
+}

@@ -1,0 +1,121 @@
+"""Commands that make tables: detect, captions, embed, depth, run, retry-failed."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import jobs, pipeline, stages
+from ..captions.write import build as captions_build
+from ..depth.measure import build as depth_build
+from ..encoders.embed import build as embed_build
+from ..options import click_options
+from ..parts import Work
+from ..pipeline import How
+from ..segmenters.detect import build as detect_build
+from .shared import key_values, one_dataset, running, say_next
+
+
+@click.command()
+@running
+@one_dataset
+@click_options(detect_build, hidden=stages.GIVEN)
+def detect(
+    work: Work, how: How, dataset: str, root: Path | None, given: dict, **options: Any
+) -> None:
+    """Find what each image shows: a model's boxes or panoptic segments, or an import.
+
+    \b
+      rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx
+    """
+    name = pipeline.samples(work, dataset, given, root=root, source=options["source"])
+    pipeline.stage(work, "detect", name, options, how, root=root)
+    say_next(work, f"captions --dataset {name}")
+
+
+@click.command()
+@running
+@one_dataset
+@click.option("--segments", metavar="SOURCE", help="A segmenter, or an import as NAME:PLACE.")
+@click_options(captions_build)
+def captions(
+    work: Work,
+    how: How,
+    dataset: str,
+    root: Path | None,
+    given: dict,
+    segments: str | None,
+    **options: Any,
+) -> None:
+    """Write the captions of a dataset, its index and segments first where they are missing.
+
+    \b
+      rsa-data captions --dataset nyuv2
+      rsa-data captions --dataset nyuv2 --segments rsa-release:RSA/text
+    """
+    name = pipeline.samples(work, dataset, given, root=root, source=segments or "")
+    pipeline.captions(work, name, options, how, segments=segments, detect={}, root=root)
+    say_next(work, f"embed --dataset {name}")
+
+
+@click.command()
+@running
+@click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
+@click.option("--style", help="Which captions, when there are several.")
+@click_options(embed_build)
+def embed(work: Work, how: How, wanted: tuple[str, ...], style: str | None, **options: Any) -> None:
+    """Turn the captions of every dataset into text embeddings, each distinct text once.
+
+    \b
+      rsa-data embed --encoder minilm
+      rsa-data embed --encoder clip-rn50 --weights RN50.pt
+    """
+    for name in pipeline.known_datasets(work, wanted):
+        pipeline.embed(work, name, options, how, style=style)
+    say_next(work, "depth --dataset NAME --depth-model MODEL, then: rsa-data train-head")
+
+
+@click.command()
+@running
+@one_dataset
+@click_options(depth_build, hidden=stages.GIVEN)
+def depth(
+    work: Work, how: How, dataset: str, root: Path | None, given: dict, **options: Any
+) -> None:
+    """Relative depth of a model, or from files, beside the ground truth.
+
+    \b
+      rsa-data depth --dataset nyuv2 --depth-model depth-anything-v2-small
+    """
+    name = pipeline.samples(work, dataset, given, root=root)
+    pipeline.stage(work, "depth", name, options, how, root=root)
+    say_next(work, "train-head")
+
+
+@click.command()
+@click.argument("job")
+@running
+@click.option("--root", "roots", multiple=True, callback=key_values, metavar="DATASET=DIR")
+@click.option("--set", "changes", multiple=True, callback=key_values, metavar="STAGE.OPTION=VALUE")
+def run(work: Work, how: How, job: str, roots: dict, changes: dict) -> None:
+    """Run a job file: a whole chain with its options.
+
+    \b
+      rsa-data run 7scenes --root 7scenes=DIR
+    """
+    changes = {**{f"dataset.{name}.root": place for name, place in roots.items()}, **changes}
+    loaded = jobs.load(Path(job), changes)
+    click.echo(loaded.get("doc", ""))
+    jobs.run(work, loaded, how, lambda step, result: click.echo(result.summary))
+
+
+@click.command("retry-failed")
+@running
+@click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
+def retry_failed(work: Work, how: How, wanted: tuple[str, ...]) -> None:
+    """Do the parts with failed rows again, after the input has been mended.
+
+    \b
+      rsa-data retry-failed
+    """
+    pipeline.retry_failed(work, pipeline.known_datasets(work, wanted), how)

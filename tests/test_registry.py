@@ -1,0 +1,61 @@
+"""Every name that can be chosen leads somewhere."""
+
+from importlib import import_module
+
+import pytest
+
+from rsa_data import cli, registry, stages
+from rsa_data.errors import UsageError
+
+TABLES = {
+    "dataset": registry.DATASETS,
+    "segmenter": registry.SEGMENTERS,
+    "style": registry.STYLES,
+    "tokenizer": registry.TOKENIZERS,
+    "encoder": registry.ENCODERS,
+    "depth model": registry.DEPTH_MODELS,
+    "head": registry.HEADS,
+    "command": cli.COMMANDS,
+}
+ENTRIES = [(kind, table, name) for kind, table in TABLES.items() for name in table]
+
+
+@pytest.mark.parametrize(
+    ("kind", "table", "name"), ENTRIES, ids=[f"{e[0]} {e[2]}" for e in ENTRIES]
+)
+def test_every_entry_resolves(kind, table, name):
+    found = registry.resolve(kind, table, name)
+    assert found.__doc__ or getattr(found, "help", None), "undocumented"
+
+
+@pytest.mark.parametrize("name", stages.STAGES)
+def test_every_stage_builds_from_documented_options(name):
+    from rsa_data import options
+
+    build = stages.STAGES[name].build
+    for option in options.parameters(build):
+        if option not in stages.GIVEN:
+            assert options.help_text(build, option), f"{name}: {option} has no documentation"
+    assert stages.STAGES[name].selector in options.parameters(build)
+
+
+def test_unknown_names_get_the_nearest():
+    with pytest.raises(UsageError, match=r"unknown encoder 'clip-rn5'. Did you mean 'clip-rn50'\?"):
+        registry.resolve("encoder", registry.ENCODERS, "clip-rn5")
+
+
+def test_a_missing_extra_prints_its_pip_line():
+    with pytest.raises(Exception, match=r'pip install "rsa-data\[ray\]"'), registry.extras("ray"):
+        raise ModuleNotFoundError(name="ray")
+
+
+@pytest.mark.parametrize("module", ["rsa_data", "rsa_data.cli", "rsa_data.stages"])
+def test_import_is_light(module):
+    import subprocess
+    import sys
+
+    heavy = ("torch", "onnxruntime", "transformers")
+    code = f"import {module}, sys; print([m for m in {heavy} if m in sys.modules])"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout == "[]\n"
+    import_module(module)
