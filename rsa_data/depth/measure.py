@@ -115,9 +115,10 @@ def _measure(
     seed: int,
 ) -> dict[str, Any]:
     """The columns of one image whose ground truth and relative depth were both read."""
+    depth = np.where(np.isfinite(depth), depth, np.float32(0))
     height, width = depth.shape
     y = at_size(relative, height, width)
-    valid = (depth > dataset.min_depth) & (depth < dataset.max_depth) & np.isfinite(depth)
+    valid = (depth > dataset.min_depth) & (depth < dataset.max_depth)
     valid &= dataset.train_mask(height, width) & ~np.isnan(y)
     if not valid.any():
         raise RowError(
