@@ -193,9 +193,9 @@ def test_what_cannot_be_read_says_why_without_its_path(tmp_path, data, reason):
 @pytest.mark.parametrize("read", [read_image, image_size])
 def test_directories_and_missing_files_are_row_errors(tmp_path, read):
     (tmp_path / "directory.jpg").mkdir()
-    with pytest.raises(RowError, match="^expected a file, found a directory$"):
+    with pytest.raises(RowError, match=r"^expected a file, found a directory$"):
         read(tmp_path / "directory.jpg")
-    with pytest.raises(RowError, match="^no such file$"):
+    with pytest.raises(RowError, match=r"^no such file$"):
         read(tmp_path / "missing.jpg")
 
 
