@@ -115,7 +115,7 @@ def _measure(
     seed: int,
 ) -> dict[str, Any]:
     """The columns of one image whose ground truth and relative depth were both read."""
-    depth = np.where(np.isfinite(depth), depth, np.float32(0))
+    depth = np.where(np.isfinite(depth), depth, 0).astype(np.float32)
     height, width = depth.shape
     y = at_size(relative, height, width)
     valid = (depth > dataset.min_depth) & (depth < dataset.max_depth)

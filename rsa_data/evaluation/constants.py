@@ -1,6 +1,6 @@
 """The baseline that knows the dataset and nothing of the image: one scale and shift for all."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -32,7 +32,9 @@ def fit_constant(groups: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> tupl
         )
 
     # A scale of 1 is a median y at the median inverse depth; shifts reach from 1 km to 10 cm.
-    usual = np.median([np.median(1.0 / d) / max(np.median(np.abs(y)), 1e-9) for y, d, _, _ in scaled])
+    usual = np.median(
+        [np.median(1.0 / d) / max(np.median(np.abs(y)), 1e-9) for y, d, _, _ in scaled]
+    )
     centre, reach = np.array([np.log(usual), np.log(0.1)]), np.array([7.0, 4.6])
     best = np.inf
     for _ in range(24):
@@ -62,7 +64,9 @@ def training_pixels(
             f"`rsa-data depth --dataset {dataset} --split train`"
         )
     wanted = np.unique(np.linspace(0, total - 1, min(images, total)).astype(int))
-    y, metric, begun = [], [], 0
+    y: list[np.ndarray] = []
+    metric: list[np.ndarray] = []
+    begun = 0
     for number, ok in good.items():
         inside = wanted[(wanted >= begun) & (wanted < begun + ok)] - begun
         begun += ok
@@ -74,3 +78,34 @@ def training_pixels(
                 # Pixels stand in random order, so the first are a sample.
                 values.append(np.frombuffer(data, "<f2", min(pixels, len(data) // 2)))
     return np.concatenate(y).astype(np.float32), np.concatenate(metric).astype(np.float32)
+
+
+def fit_constants(
+    work: Work,
+    depths: Mapping[str, str],
+    limits: Mapping[str, tuple[float, float]],
+    trained_on: Iterable[str],
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """For each dataset evaluated, its own constant and the joint one, where they can be had.
+
+    depths : dataset -> its depth table. limits : dataset -> (min, max) depth, m.
+    trained_on : the datasets that the joint constant is fitted on (those of the head); where none
+        of them is in the work dir there is no joint constant. A dataset without a training split
+        has no constant of its own.
+    """
+    groups = {}
+    for name, depth in depths.items():
+        table = work.table(name, depth)
+        if any(table.receipt(n)["split"] == "train" for n in table.parts()):
+            groups[name] = (*training_pixels(work, name, depth), limits[name][1])
+    joint = [groups[name] for name in trained_on if name in groups]
+    # With one training set the joint constant is that set's own.
+    useful = len(joint) > 1 or (joint and set(depths) - set(trained_on))
+    shared = fit_constant(joint) if useful else None
+    return {
+        name: {
+            **({"constant": fit_constant([groups[name]])} if name in groups else {}),
+            **({"joint constant": shared} if shared else {}),
+        }
+        for name in depths
+    }

@@ -99,7 +99,5 @@ def rules(protocol: str, dataset: Dataset, kind: str) -> Rules:
     """
     if protocol not in PROTOCOLS:
         raise unknown("protocol", protocol, PROTOCOLS)
-    own = Rules(
-        whole, dataset.min_depth, dataset.max_depth, median_scaled=protocol == "monodepth2"
-    )
+    own = Rules(whole, dataset.min_depth, dataset.max_depth, median_scaled=protocol == "monodepth2")
     return PROTOCOLS[protocol].get(kind, own)

@@ -1,0 +1,83 @@
+"""What can be evaluated: heads, constants, oracles; each makes depth of an image's valid pixels."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import RowError
+from . import oracles
+from .inputs import Image, TestPart
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Metric depth of an image's valid pixels, before clipping.
+
+    depth : float64 of shape (n,), m. scale, shift : what made it of y, or None.
+    """
+
+    depth: np.ndarray
+    scale: float | None = None
+    shift: float | None = None
+
+
+# A part, then each of its images -> its prediction; raises RowError where there is none.
+Method = Callable[[TestPart], Callable[[Image], Prediction]]
+# Features of shape (n, dim) -> scale and shift of shape (n,), as rsa_data.ScaleHead.
+Head = Callable[[np.ndarray], tuple[Any, Any]]
+
+
+def by_head(head: Head, embeddings: str, captions: str | None, variant: int = 0) -> Method:
+    """The scale and shift that a head gives for each image's feature."""
+
+    def method(part: TestPart) -> Callable[[Image], Prediction]:
+        features, there = part.features(embeddings, captions, variant)
+        scales, shifts = np.zeros(len(there)), np.zeros(len(there))
+        if there.any():
+            scales[there], shifts[there] = head(features[there])
+
+        def predict(image: Image) -> Prediction:
+            if not there[image.row]:
+                raise RowError("no caption" if captions else "no feature")
+            return scaled(image, float(scales[image.row]), float(shifts[image.row]))
+
+        return predict
+
+    return method
+
+
+def by_constant(scale: float, shift: float) -> Method:
+    """One scale and shift for every image."""
+    return lambda part: lambda image: scaled(image, scale, shift)
+
+
+def by_oracle(
+    fit: Callable[[np.ndarray, np.ndarray], tuple[float, float] | None],
+) -> Method:
+    """The scale and shift that a fit to the image's own ground truth gives."""
+
+    def predict(image: Image) -> Prediction:
+        found = fit(image.y, image.gt)
+        if found is None:
+            raise RowError("the relative depth leaves this fit open")
+        return scaled(image, *found)
+
+    return lambda part: predict
+
+
+def oracle_methods(max_depth: float) -> Mapping[str, Method]:
+    """The three oracles by the names that tables give them."""
+    return {
+        "median": by_oracle(oracles.median),
+        "linear fit": by_oracle(oracles.inverse_least_squares),
+        "linear fit in depth": by_oracle(
+            lambda y, gt: oracles.depth_least_squares(y, gt, max_depth)
+        ),
+    }
+
+
+def scaled(image: Image, scale: float, shift: float) -> Prediction:
+    """The prediction of a scale and shift."""
+    return Prediction(oracles.metric(image.y, scale, shift), scale, shift)

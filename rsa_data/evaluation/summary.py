@@ -1,0 +1,81 @@
+"""Means over images, with intervals that know that frames of one scene are not independent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from .metrics import METRICS
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one dataset.
+
+    images : how many were measured; failed : how many were not, though there was ground truth.
+    mean : of each metric over the images. low, high : bounds of its 95% interval, empty when all
+        images are of one scene.
+    """
+
+    dataset: str
+    method: str
+    images: int
+    failed: int
+    scenes: int
+    mean: dict[str, float]
+    low: dict[str, float]
+    high: dict[str, float]
+
+
+def summarise(table: pa.Table, draws: int = 1000, seed: int = 0) -> list[Row]:
+    """Rows of a metrics table's datasets and methods, in the order in which they first appear.
+
+    draws : of the bootstrap of `interval`; 0 for no intervals.
+    """
+    frame = table.select(["dataset", "scene", "method", "status", *METRICS]).to_pandas()
+    rows = []
+    for (dataset, method), group in frame.groupby(["dataset", "method"], sort=False):
+        good = group[group["status"] == "ok"]
+        values = good[list(METRICS)].to_numpy(np.float64)
+        scenes = good["scene"].to_numpy()
+        low, high = interval(values, scenes, draws, seed)
+        rows.append(
+            Row(
+                dataset=dataset,
+                method=method,
+                images=len(good),
+                failed=int((group["status"] == "failed").sum()),
+                scenes=len(set(scenes)),
+                mean=_named(values.mean(0)) if len(good) else {},
+                low=_named(low),
+                high=_named(high),
+            )
+        )
+    return rows
+
+
+def interval(
+    values: np.ndarray, scenes: np.ndarray, draws: int = 1000, seed: int = 0, level: float = 0.95
+) -> tuple[np.ndarray, np.ndarray]:
+    """Percentile interval of the mean over images, whole scenes drawn with replacement.
+
+    values : float64 of shape (n, m); scenes : n names. Frames of one scene resemble each other, so
+    drawing single images would make intervals several times too narrow (cluster bootstrap, Field
+    and Welsh 2007). Returns the lower and upper bounds, each of shape (m,), or of shape (0,) where
+    there are fewer than two scenes or no draws.
+    """
+    names, of = np.unique(scenes.astype(str), return_inverse=True)
+    if len(names) < 2 or not draws:
+        return np.empty(0), np.empty(0)
+    sums = np.zeros((len(names), values.shape[1]))
+    np.add.at(sums, of, values)
+    counts = np.bincount(of)
+    generator = np.random.Generator(np.random.Philox(seed))
+    drawn = generator.multinomial(len(names), np.full(len(names), 1 / len(names)), draws)  # (d, s)
+    means = (drawn @ sums) / (drawn @ counts)[:, None]  # (d, m)
+    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high
+
+
+def _named(values: np.ndarray) -> dict[str, float]:
+    return dict(zip(METRICS, values.tolist(), strict=False))
