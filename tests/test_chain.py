@@ -1,0 +1,93 @@
+"""The chain on real data: the released segments, and the 7-Scenes job with real models."""
+
+import tarfile
+
+import pyarrow.compute as pc
+import pytest
+from click.testing import CliRunner
+
+from rsa_data.cli import cli
+from rsa_data.parts import Work
+
+
+def call(*words: object) -> str:
+    """Runs a command in this process; fails the test when it fails."""
+    result = CliRunner().invoke(cli, [str(word) for word in words], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture(scope="module")
+def release(shared, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("release")
+    for name in ("nyu-train", "nyu-test", "kitti-test"):
+        with tarfile.open(shared / f"rsa_release/{name}.tar.xz") as archive:
+            archive.extractall(folder, filter="data")
+    return folder / "text"
+
+
+def counted(work: Work, dataset: str) -> tuple[int, int, int, int]:
+    """(samples, segments, those with a name of several words, captions)."""
+    segments = work.table(dataset, "segments/rsa-release")
+    labels = [
+        pc.list_flatten(segments.read(n, columns=["label"])["label"]) for n in segments.parts()
+    ]
+    captions = work.table(dataset, "captions/occupancy")
+    return (
+        sum(segments.receipt(n)["ok"] for n in segments.parts()),
+        sum(len(part) for part in labels),
+        sum(pc.sum(pc.match_substring(part, " ")).as_py() for part in labels),
+        sum(captions.receipt(n)["rows"] for n in captions.parts()),
+    )
+
+
+@pytest.mark.slow
+def test_released_segments_of_nyu(release, tmp_path):
+    out = call(
+        "captions", "--dataset", "nyuv2", "--segments", f"rsa-release:{release}", "--work", tmp_path
+    )
+    assert counted(Work(tmp_path), "nyuv2") == (24_885, 345_104, 19_247, 5 * 24_885)
+    assert out.splitlines()[-1] == f"next: rsa-data embed --dataset nyuv2 --work {tmp_path}"
+
+
+def test_released_segments_of_kitti(release, tmp_path):
+    call(
+        "captions", "--dataset", "kitti", "--segments", f"rsa-release:{release}", "--work", tmp_path
+    )
+    work = Work(tmp_path)
+    assert counted(work, "kitti")[:2] == (652, 9_225)
+    segments = work.table("kitti", "segments/rsa-release")
+    labels = [
+        label
+        for n in segments.parts()
+        for row in segments.read(n)["label"].to_pylist()
+        for label in row
+    ]
+    assert labels.count("traffic light") == 326
+    assert "traffic" not in labels
+
+
+@pytest.mark.slow
+def test_seven_scenes_job(shared, tmp_path):
+    out = call(
+        "run",
+        "7scenes",
+        "--work",
+        tmp_path,
+        "--root",
+        f"7scenes={shared}/rgbd/7scenes",
+        "--set",
+        f"detect.model={shared}/models/yolox_nano.onnx",
+        "--set",
+        f"depth.weights={shared}/models/tu2020_mbv2_blconv7dw_nyu_224.onnx",
+    )
+    work = Work(tmp_path)
+    for table in work.tables("7scenes"):
+        parts = work.table("7scenes", table)
+        rows = [(parts.receipt(n)["ok"], parts.receipt(n)["failed"]) for n in parts.parts()]
+        assert sum(failed for _, failed in rows) == 0, table
+        if table.startswith(("samples", "segments", "depth")):
+            assert rows == [(80, 0), (20, 0)]
+    assert "block" in out, "a validation that is no scene of its own must be labelled"
+    verified = call("verify", "--work", tmp_path)
+    assert "no problems" in verified
