@@ -8,9 +8,11 @@ keys belong to the code of that kind.
 
 import hashlib
 import os
+import socket
 import tempfile
 import tomllib
 import urllib.error
+import urllib.parse
 import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -137,7 +139,7 @@ def _checked(card: Card, path: Path, option: str) -> Path:
 
 
 def _from_hub(card: Card, own: Path, option: str) -> Path:
-    from huggingface_hub import hf_hub_download
+    from huggingface_hub import constants, hf_hub_download
     from huggingface_hub.errors import LocalEntryNotFoundError
 
     where = (card["hub"], card["file"])
@@ -146,6 +148,7 @@ def _from_hub(card: Card, own: Path, option: str) -> Path:
         path = hf_hub_download(*where, revision=revision, local_files_only=True)
     except LocalEntryNotFoundError:
         try:
+            _resolve_host(constants.ENDPOINT)
             path = hf_hub_download(*where, revision=revision)
         # The layers below (HTTP, Xet, the disk) raise errors of many unrelated kinds.
         except Exception as error:
@@ -154,6 +157,13 @@ def _from_hub(card: Card, own: Path, option: str) -> Path:
                 card, own, option, reason[0] if reason else type(error).__name__
             ) from error
     return _checked(card, Path(path), option)
+
+
+def _resolve_host(address: str) -> None:
+    """Fails at once where there is no network; the hub's client would retry for half a minute."""
+    if not urllib.request.getproxies():
+        host = urllib.parse.urlsplit(address)
+        socket.getaddrinfo(host.hostname, host.port or 443)
 
 
 def _download(card: Card, own: Path, option: str) -> None:

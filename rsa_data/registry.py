@@ -29,6 +29,11 @@ SEGMENTERS = {
     "labels": "rsa_data.segmenters.label_maps:build",
 }
 
+DECODERS = {
+    "yolox": "rsa_data.segmenters.boxes:yolox",
+    "panoptic-queries": "rsa_data.segmenters.queries:panoptic",
+}
+
 STYLES = {
     "classes": "rsa_data.captions.styles:classes",
     "counts": "rsa_data.captions.styles:counts",

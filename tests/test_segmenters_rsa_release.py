@@ -60,7 +60,7 @@ def test_index_and_segments(tmp_path):
             ("train", "den_0001", "rgb_00000"),
         ]
     ]
-    found = rsa_release.build(where, dataset=dataset("nyuv2"))(samples)
+    found = rsa_release.build(argument=where, dataset=dataset("nyuv2"))(samples)
     tables.check("segments", found)
     columns = ["status", "label", "area", "score", "box", "is_thing"]
     assert found.select(columns).to_pylist() == [
@@ -98,7 +98,7 @@ def test_index_and_segments(tmp_path):
 )
 def test_bad_line_quarantines_the_row(tmp_path, text, reason):
     where = write(tmp_path, {"nyu/test/x.txt": text, "nyu/test/y.txt": "bed 0.5"})
-    step = rsa_release.build(where, dataset=dataset("nyuv2"))
+    step = rsa_release.build(argument=where, dataset=dataset("nyuv2"))
     found = step(rsa_release.index_release(where, dataset("nyuv2")))
     assert found["status"].to_pylist() == ["failed", "ok"]
     assert found["error"].to_pylist() == [f"segments/rsa-release: nyu/test/x.txt {reason}", None]
@@ -108,7 +108,7 @@ def test_missing_and_undecodable_files_quarantine_the_row(tmp_path):
     where = write(tmp_path, {"nyu/test/x.txt": b"\xff\xfe 0.5", "nyu/test/y.txt": "bed 0.5"})
     samples = rsa_release.index_release(where, dataset("nyuv2"))
     (tmp_path / "text/seg_txt_panoptic/nyu/test/y.txt").unlink()
-    found = rsa_release.build(where, dataset=dataset("nyuv2"))(samples)
+    found = rsa_release.build(argument=where, dataset=dataset("nyuv2"))(samples)
     assert found["error"].to_pylist() == [
         "segments/rsa-release: nyu/test/x.txt: expected UTF-8 text; found invalid start byte",
         "segments/rsa-release: nyu/test/y.txt: expected this file; found none",
@@ -118,11 +118,11 @@ def test_missing_and_undecodable_files_quarantine_the_row(tmp_path):
 def test_wrong_folder_split_or_dataset(tmp_path):
     where = write(tmp_path, {"nyu/test/x.txt": "bed 0.5"})
     with pytest.raises(RsaDataError, match="expected a folder seg_txt_panoptic/kitti"):
-        rsa_release.build(where, dataset=dataset("kitti"))
+        rsa_release.build(argument=where, dataset=dataset("kitti"))
     with pytest.raises(RsaDataError, match=r"expected a split among test in .*; found 'val'"):
         rsa_release.index_release(where, dataset("nyuv2"), "val")
     with pytest.raises(RsaDataError, match="Write rsa-release:DIR"):
-        rsa_release.build(None, dataset=dataset("nyuv2"))
+        rsa_release.build(argument=None, dataset=dataset("nyuv2"))
 
 
 @given(st.lists(st.tuples(st.from_regex(r"\A[a-z]+( [a-z]+){0,3}\Z"), st.floats(0, 1))))
@@ -155,7 +155,7 @@ def test_the_whole_release(shared, tmp_path, name, archives, samples, segments, 
     start = time.perf_counter()
     folder = next(tmp_path.rglob("seg_txt_panoptic")).parent
     index = rsa_release.index_release(str(folder), dataset(name))
-    found = rsa_release.build(str(folder), dataset=dataset(name))(index)
+    found = rsa_release.build(argument=str(folder), dataset=dataset(name))(index)
     seconds = time.perf_counter() - start
     labels = pc.list_flatten(found["label"])
     assert pc.unique(found["status"]).to_pylist() == ["ok"]

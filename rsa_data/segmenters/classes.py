@@ -22,10 +22,12 @@ class ClassTable:
 
     names : class number -> name as captions use it.
     things : class numbers of countable things; the others are stuff.
+    count : classes that a model with this table answers, named or not.
     """
 
     names: dict[int, str]
     things: frozenset[int]
+    count: int
 
     def label(self, number: int) -> str:
         """The name of a class number, or "class 17" where the table has none."""
@@ -54,7 +56,8 @@ def table(name: str) -> ClassTable:
 
 def parse(spec: dict[str, Any], where: str) -> ClassTable:
     """A table from its TOML form: `names`, a list counted from `first` (0 unless given) or a table
-    of number = name; `things`, the names of the countable ones, or "all" or "none".
+    of number = name; `things`, the names of the countable ones, or "all" or "none"; `count`, where
+    a model answers more classes than have a name.
 
     Raises RsaDataError when it is not of that form.
     """
@@ -77,7 +80,8 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
         raise RsaDataError(f"{where}: things not among the names: {', '.join(sorted(strange))}")
     else:
         countable = frozenset(n for n, name in numbers.items() if name in things)
-    return ClassTable({n: caption_name(name) for n, name in numbers.items()}, countable)
+    count = spec.get("count", max(numbers, default=-1) + 1)
+    return ClassTable({n: caption_name(name) for n, name in numbers.items()}, countable, count)
 
 
 def read(path: Path) -> ClassTable:

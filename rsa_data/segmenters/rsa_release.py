@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -10,13 +11,14 @@ import pyarrow as pa
 from .. import tables
 from ..datasets import Dataset
 from ..errors import RowError, RsaDataError
+from ..progress import advance
 from . import Segments, classes, to_table
 
 # Folder of the release -> our dataset, where the names differ.
 _FOLDERS = {"nyuv2": "nyu"}
 
 
-def build(argument: str | None, *, dataset: Dataset) -> Callable[[pa.Table], pa.Table]:
+def build(*, argument: str | None, dataset: Dataset, **_: Any) -> Callable[[pa.Table], pa.Table]:
     """A step that looks up each sample's released segments.
 
     argument : the folder that `find` takes.
@@ -25,7 +27,9 @@ def build(argument: str | None, *, dataset: Dataset) -> Callable[[pa.Table], pa.
 
     def step(samples: pa.Table) -> pa.Table:
         ids = samples["sample_id"].to_pylist()
-        return to_table(ids, (_read(base, sample_id) for sample_id in ids))
+        found = to_table(ids, (_read(base, sample_id) for sample_id in ids))
+        advance(len(ids))
+        return found
 
     return step
 

@@ -1,0 +1,25 @@
+"""The seam between a detector's graph and the decoder families."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .found import Found
+from .preprocess import Geometry
+
+# Role of an output in the card -> its array, with a batch of 1.
+Outputs = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Decoder:
+    """One family of models, with one model's settings.
+
+    decode : outputs of one image and how it lies in the input -> what was found.
+    roles : the outputs that it reads, with the number of axes and, where the number of classes
+        decides it, the size that one axis must have: role -> (axes, axis, size) or (axes, 0, 1).
+    """
+
+    decode: Callable[[Outputs, Geometry], Found]
+    roles: Mapping[str, tuple[int, int, int]]

@@ -1,0 +1,76 @@
+"""Pixel masks -> exact shares, boxes and centres, all counted at the image's own size."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..registry import extras
+
+
+def regions(index: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels, box and centre of mass of each region of an index map.
+
+    index : int of shape (height, width); region of each pixel, 0 to count - 1, or negative: none.
+    Returns pixels int64 (count,), box float32 (count, 4) x1 y1 x2 y2, px, x2 and y2 exclusive,
+    and centre float32 (count, 2) x y, px. Regions without pixels have box and centre 0.
+    """
+    height, width = index.shape
+    inside = np.where(index < 0, count, index)
+    # Everything follows from how many pixels each region has in each row and in each column.
+    rows = inside + np.arange(height)[:, None] * (count + 1)
+    in_row = np.bincount(rows.ravel(), minlength=height * (count + 1)).reshape(height, -1)
+    columns = inside + np.arange(width)[None] * (count + 1)
+    in_column = np.bincount(columns.ravel(), minlength=width * (count + 1)).reshape(width, -1)
+    in_row, in_column = in_row[:, :count], in_column[:, :count]
+    pixels = in_row.sum(0)
+    (x1, x2, x), (y1, y2, y) = _extent(in_column, pixels), _extent(in_row, pixels)
+    return pixels, np.stack([x1, y1, x2, y2], 1), np.stack([x, y], 1)
+
+
+def _extent(counts: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First, last + 1 and mean position of each column of counts, float32 of shape (count,)."""
+    size = len(counts)
+    there = counts > 0
+    first = there.argmax(0)
+    last = size - there[::-1].argmax(0)
+    mean = (np.arange(size) + 0.5) @ counts / np.maximum(pixels, 1)
+    full = pixels > 0
+    first, last, mean = ((full * value).astype(np.float32) for value in (first, last, mean))
+    return first, last, mean
+
+
+def encode(masks: Sequence[np.ndarray]) -> list[str]:
+    """COCO's compressed RLE counts of some bool masks (height, width).
+
+    Raises RsaDataError with the pip line when pycocotools is not installed.
+    """
+    with extras("masks"):
+        from pycocotools import mask as coco_mask
+    return [
+        coco_mask.encode(np.asfortranarray(mask, np.uint8))["counts"].decode("ascii")
+        for mask in masks
+    ]
+
+
+def resize(values: np.ndarray, height: int, width: int, used: tuple[float, float]) -> np.ndarray:
+    """A map resized bilinearly, pixel centres at .5, edges repeated (align_corners = False).
+
+    values : float32 (h, w).  used : shares of its height and width, from the top left, that show
+    the image; the rest shows padding and is left out.
+    """
+    if used == (1.0, 1.0):
+        import cv2
+
+        return cv2.resize(values, (width, height), interpolation=cv2.INTER_LINEAR)
+    top, bottom, y = _taps(values.shape[0], height, used[0])
+    left, right, x = _taps(values.shape[1], width, used[1])
+    rows = values[top] + (values[bottom] - values[top]) * y[:, None]  # (height, w)
+    return rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
+
+
+def _taps(size: int, wanted: int, used: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two source rows of each wanted row, and the second one's weight (float32)."""
+    where = (np.arange(wanted) + 0.5) * (size * used / wanted) - 0.5
+    where = np.clip(where, 0, size - 1)
+    first = where.astype(np.int64)
+    return first, np.minimum(first + 1, size - 1), (where - first).astype(np.float32)
