@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,12 +54,13 @@ def read_png16(path: Path) -> np.ndarray:
     if not data.startswith(b"\x89PNG\r\n\x1a\n"):
         found = f"a file that begins with {data[:16]!r}" if data else "an empty file"
         raise RowError(f"depth: expected a 16-bit grey PNG, found {found}")
-    # Bytes 16 to 25 of every PNG: width, height, bit depth, colour type (PNG 1.2, section 4.1.1).
-    width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    if data[24:26] != b"\x10\x00":
+    if len(data) < 26:
+        raise RowError("depth: expected a 16-bit grey PNG, found a PNG without a header")
+    # Where every PNG has width, height, bit depth and colour type (PNG 1.2, section 4.1.1).
+    width, height, bits, kind = struct.unpack(">IIBB", data[16:26])
+    if (bits, kind) != (16, 0):
         raise RowError(
-            f"depth: expected a 16-bit grey PNG, found {data[24:25].hex()} (hex) bits a channel "
-            f"and colour type {data[25:26].hex()}"
+            f"depth: expected a 16-bit grey PNG, found {bits} bits a channel and colour type {kind}"
         )
     if width * height > MAX_PIXELS:
         raise RowError(f"depth: expected at most {MAX_PIXELS} pixels, found {width} x {height}")
