@@ -162,7 +162,7 @@ def at_size(relative: Relative, height: int, width: int) -> np.ndarray:
     import cv2
 
     x0, y0, x1, y1 = np.round(np.multiply(relative.box, (width, height, width, height))).astype(int)
-    y = np.asarray(relative.y, np.float32)
+    y: np.ndarray = np.asarray(relative.y, np.float32)
     if y.shape != (y1 - y0, x1 - x0):
         y = cv2.resize(y, (int(x1 - x0), int(y1 - y0)), interpolation=cv2.INTER_CUBIC)
     if y.shape == (height, width):

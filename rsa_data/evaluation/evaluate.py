@@ -36,7 +36,7 @@ def evaluate(
     work: Work,
     bar: Callable[[str, int], Any] | None = None,
     *,
-    head: str,
+    head: str = "head",
     datasets: tuple[str, ...] = (),
     protocol: str = "rsa",
     split: str = "test",
