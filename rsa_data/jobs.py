@@ -133,7 +133,7 @@ def run(
             if step == "evaluate":
                 given.setdefault("head", job.get("train-head", {}).get("name", "head"))
             bound = options.bind(_function(target), given, step)
-            tell_whole(step, _function(target)(work, **bound))
+            tell_whole(step, _function(target)(work, bar=how.bar, **bound))
 
 
 def described() -> list[tuple[str, str]]:

@@ -4,6 +4,7 @@ from typing import Any
 
 import click
 
+from .. import console
 from ..evaluation.evaluate import evaluate as evaluate_function
 from ..heads.training import train_head as train_head_function
 from ..options import click_options
@@ -20,7 +21,7 @@ def train_head(work: str, **options: Any) -> None:
     \b
       rsa-data train-head --head mlp5 --name nyu
     """
-    result = train_head_function(Work(work), **options)
+    result = train_head_function(Work(work), bar=console.bar, **options)
     click.echo(result.summary)
     say_next(Work(work), f"evaluate --head {options['name']}")
 
@@ -34,7 +35,7 @@ def evaluate(work: str, **options: Any) -> None:
     \b
       rsa-data evaluate --head nyu
     """
-    result = evaluate_function(Work(work), **options)
+    result = evaluate_function(Work(work), bar=console.bar, **options)
     click.echo(result.summary)
     say_next(
         Work(work), f'predict --head {options["head"]} --caption "a small bathroom with a sink"'
