@@ -1,8 +1,10 @@
 """Parts and receipts: tables that appear part by part, are found whole or not at all.
 
-A table is a folder with `table.json` (what made it, created once), `part-00007.parquet` and
-`part-00007.json`, the part's receipt. A part without a receipt is not done. Nothing that depends
-on time, host or worker stands in any of them, so the same work gives the same bytes.
+A table is a folder with `table.json` (what made it, created once), files of data such as
+`part-00007-1f0c2ab34d5e.parquet`, and receipts such as `part-00007.json`. A file of data is named
+by its own sha256 and never changed; the receipt names it, and its appearance is the commit, on a
+file system as on S3. So two runs at once cannot mix, and a part without a receipt is not done.
+Nothing that depends on time, host or worker stands in any of them: the same work, the same bytes.
 """
 
 import hashlib
@@ -17,10 +19,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from . import tables
-from .errors import RsaDataError
+from .errors import RsaDataError, TransientError
 from .storage import failpoint, open_store
 
 _RECEIPT = re.compile(r"part-(\d{5,})\.json")
+_DATA = re.compile(r"part-(\d{5,})-[0-9a-f]{12}\.parquet")
 
 
 def to_json(value: Any) -> bytes:
@@ -92,23 +95,54 @@ class Parts:
 
     def receipt(self, number: int) -> dict[str, Any]:
         """What a part holds and what it was made from; raises RsaDataError when it is not done."""
-        data = self.store.read(self._file(number, "json"))
-        if data is None:
+        receipt = self._find(number)
+        if receipt is None:
             raise RsaDataError(f"{self}: part {number} is not done: it has no receipt")
-        return json.loads(data)
+        return receipt
 
-    def read(self, number: int, columns: list[str] | None = None) -> pa.Table:
-        """One part. Raises RsaDataError when it is not done or not the size its receipt says."""
-        receipt, path = self.receipt(number), self._file(number, "parquet")
+    def _find(self, number: int) -> dict[str, Any] | None:
+        data = self.store.read(self._receipt_path(number))
+        try:
+            return None if data is None else json.loads(data)
+        except ValueError as error:
+            raise RsaDataError(
+                f"{self}: {self._receipt_path(number)}: expected a receipt, found {data!r:.60}. "
+                "Delete it to make the part again."
+            ) from error
+
+    def read(
+        self,
+        number: int,
+        columns: list[str] | None = None,
+        *,
+        receipt: dict[str, Any] | None = None,
+        check: bool = False,
+    ) -> pa.Table:
+        """One part. Raises RsaDataError when it is not done or not what its receipt says.
+
+        receipt : of the part, when the caller has it: these bytes, even if another run has
+            replaced the part since. check : also hold the sha256 of the file against it.
+        """
+        wanted = receipt or self.receipt(number)
+        path = f"{self.path}/{wanted['file']}"
         size = self.store.size(path)
-        if size != receipt["bytes"]:
+        if size is None and receipt is None and (newer := self.receipt(number)) != wanted:
+            return self.read(number, columns, receipt=newer, check=check)
+        if size != wanted["bytes"]:
             found = "no file" if size is None else f"{size} bytes"
             raise RsaDataError(
-                f"{self}: part {number}: expected {receipt['bytes']} bytes, as its receipt says; "
+                f"{self}: part {number}: expected {wanted['bytes']} bytes, as its receipt says; "
                 f"found {found}. Run `rsa-data verify`; delete the receipt to make it again."
             )
         try:
             with self.store.open(path) as file:
+                if check:
+                    found = hashlib.sha256(file.read_buffer()).hexdigest()
+                    if found != wanted["sha256"]:
+                        raise pa.ArrowInvalid(
+                            f"expected sha256 {wanted['sha256'][:12]}..., found {found[:12]}..."
+                        )
+                    file.seek(0)
                 return pq.read_table(file, columns=columns, use_threads=False)
         except (pa.ArrowException, OSError) as error:
             raise RsaDataError(
@@ -121,6 +155,7 @@ class Parts:
 
         Raises RsaDataError naming each difference. `made_with` is for information only.
         """
+        self.store.sweep(self.path)
         self.store.create(f"{self.path}/table.json", to_json(description))
         there = self.description()
         different = [
@@ -134,46 +169,63 @@ class Parts:
                 "options, another --work, or --start-over to delete this table and make it anew."
             )
 
-    def commit(self, number: int, table: pa.Table, receipt: Mapping[str, Any]) -> dict[str, Any]:
+    def commit(
+        self, number: int, table: pa.Table, receipt: Mapping[str, Any], *, redo: bool = False
+    ) -> dict[str, Any]:
         """Writes a part, then its receipt: from then on the part is done.
 
         receipt : what the caller knows (ok, failed, skipped, split, inputs, fingerprint); rows,
-            bytes, sha256 and digest are added here. Returns the whole receipt.
+            file, bytes, sha256 and digest are added here.
+        redo : replace the part even if it is there with the same fingerprint. Otherwise another
+            run was faster, and what it wrote stays.
+
+        Returns the whole receipt of what is there now.
         """
-        schema = self.description()["schema"]
-        tables.check(schema, table)
-        buffer = io.BytesIO()
-        # Dictionary pages and statistics cost time and say nothing for long unique values.
-        plain = [f.name for f in table.schema if pa.types.is_fixed_size_binary(f.type)] + [
-            f.name for f in table.schema if pa.types.is_binary(f.type)
-        ]
-        pq.write_table(
-            table,
-            buffer,
-            row_group_size=20_000,
-            compression={f.name: "none" if f.name in plain else "zstd" for f in table.schema},
-            use_dictionary=[f.name for f in table.schema if f.name not in plain],
-            write_statistics=[f.name for f in table.schema if f.name not in plain],
-        )
-        data = buffer.getbuffer()
+        tables.check(self.description()["schema"], table)
+        data = encoded(table)
+        sha256 = hashlib.sha256(data).hexdigest()
+        name = f"part-{number:05d}-{sha256[:12]}.parquet"
         full = {
             **receipt,
             "part": number,
             "rows": len(table),
+            "file": name,
             "bytes": len(data),
-            "sha256": hashlib.sha256(data).hexdigest(),
+            "sha256": sha256,
             "digest": tables.digest(table),
         }
-        # An old receipt must never stand beside new bytes.
-        self.store.delete(self._file(number, "json"))
-        self.store.write(self._file(number, "parquet"), data)
+        there = self._find(number)
+        if there and there["fingerprint"] == full["fingerprint"] and not redo:
+            return there
+        self.store.write(f"{self.path}/{name}", data)
         failpoint("receipt")
-        self.store.write(self._file(number, "json"), to_json(full))
+        if there:
+            self.store.delete(f"{self.path}/manifest.json")
+            self.store.write(self._receipt_path(number), to_json(full))
+            if there["file"] != name:
+                self.store.delete(f"{self.path}/{there['file']}")
+        elif not self.store.create(self._receipt_path(number), to_json(full)):
+            there = self.receipt(number)
+            if there["file"] != name:
+                self.store.delete(f"{self.path}/{name}")
+            if there["fingerprint"] != full["fingerprint"]:
+                raise TransientError(
+                    f"{self}: another run has just written part {number}, from another input. Let "
+                    "one of them end, then run the same command again"
+                )
+            return there
         failpoint("committed")
+        if self.store.size(f"{self.path}/{name}") is None:
+            # Another run took it for a leftover before the receipt was there.
+            self.store.write(f"{self.path}/{name}", data)
         return full
 
     def manifest(self, expected: list[int]) -> dict[str, Any] | None:
-        """Merges the receipts into manifest.json once all `expected` parts are done, else None."""
+        """Merges the receipts into manifest.json once all `expected` parts are done, else None.
+
+        Also removes what runs that died have left in the folder.
+        """
+        self._sweep()
         done = self.parts()
         if done != expected:
             self.store.delete(f"{self.path}/manifest.json")
@@ -185,20 +237,61 @@ class Parts:
         if self.store.read(f"{self.path}/manifest.json") != data:
             failpoint("manifest")
             self.store.write(f"{self.path}/manifest.json", data)
+        failpoint("manifested")
         return merged
+
+    def complete(self) -> bool:
+        """Whether the table's last run has finished it: samples grow, and have nothing to go by."""
+        return self.store.size(f"{self.path}/manifest.json") is not None
 
     def start_over(self) -> None:
         """Deletes the table: receipts first, so that a kill half-way leaves nothing half-valid."""
         names = self.store.list(self.path)
+        self.store.delete(f"{self.path}/manifest.json")
         for ending in (".json", ".parquet"):
             for name in names:
                 if name.startswith("part-") and name.endswith(ending):
                     self.store.delete(f"{self.path}/{name}")
-        self.store.delete(f"{self.path}/manifest.json")
+        self.store.delete(f"{self.path}/local.json")
         self.store.delete(f"{self.path}/table.json")
+        self.store.sweep(self.path)
 
-    def _file(self, number: int, ending: str) -> str:
-        return f"{self.path}/part-{number:05d}.{ending}"
+    def _sweep(self) -> None:
+        """Removes data that no receipt names, beside one that names other data."""
+        self.store.sweep(self.path)
+        names = self.store.list(self.path)
+        data: dict[int, list[str]] = {}
+        for name in names:
+            if match := _DATA.fullmatch(name):
+                data.setdefault(int(match[1]), []).append(name)
+        for number, files in data.items():
+            if len(files) > 1 and (receipt := self._find(number)):
+                for name in files:
+                    if name != receipt["file"]:
+                        self.store.delete(f"{self.path}/{name}")
+
+    def _receipt_path(self, number: int) -> str:
+        return f"{self.path}/part-{number:05d}.json"
+
+
+def encoded(table: pa.Table) -> memoryview:
+    """A table as the bytes of a Parquet file; the same table gives the same bytes."""
+    buffer = io.BytesIO()
+    # Dictionary pages and statistics cost time and say nothing for long unique values.
+    plain = [
+        f.name
+        for f in table.schema
+        if pa.types.is_fixed_size_binary(f.type) or pa.types.is_binary(f.type)
+    ]
+    pq.write_table(
+        table,
+        buffer,
+        row_group_size=20_000,
+        compression={f.name: "none" if f.name in plain else "zstd" for f in table.schema},
+        use_dictionary=[f.name for f in table.schema if f.name not in plain],
+        write_statistics=[f.name for f in table.schema if f.name not in plain],
+    )
+    return buffer.getbuffer()
 
 
 _COUNTS = ("rows", "bytes", "ok", "failed", "skipped")

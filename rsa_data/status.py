@@ -69,7 +69,7 @@ def verify(work: Work, say: Callable[[str], Any]) -> int:
 
 def _check(work: Work, table: Parts, description: dict[str, Any], number: int) -> Any:
     receipt = table.receipt(number)
-    data = table.store.read(f"{table.path}/part-{number:05d}.parquet")
+    data = table.store.read(f"{table.path}/{receipt['file']}")
     if data is None:
         yield "expected a file, found none"
         return

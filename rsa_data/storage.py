@@ -5,9 +5,7 @@ operations. `failpoint` names the moments between them, for tests that kill the 
 """
 
 import os
-import secrets
 import signal
-import socket
 from pathlib import Path
 from typing import Protocol
 
@@ -32,7 +30,11 @@ def failpoint(moment: str) -> None:
 
 
 class Store(Protocol):
-    """Files below one location; paths are relative, with forward slashes."""
+    """Files below one location; paths are relative, with forward slashes.
+
+    Every method raises RsaDataError for what the user must mend (no space, no permission) and
+    TransientError for what may pass by itself.
+    """
 
     location: str
 
@@ -49,7 +51,7 @@ class Store(Protocol):
         """Puts the whole file there, replacing what was there; readers see the old or the new."""
 
     def create(self, path: str, data: bytes) -> bool:
-        """Puts the file there only if there is none yet; False when there was one."""
+        """Puts the file there only if there is none yet; False when there was another one."""
 
     def delete(self, path: str) -> None:
         """Removes the file; nothing happens when there is none."""
@@ -57,104 +59,22 @@ class Store(Protocol):
     def list(self, folder: str) -> list[str]:
         """Names of the files and folders (with a slash at their end) in `folder`, sorted."""
 
+    def sweep(self, folder: str) -> None:
+        """Removes what writers that died left behind in `folder`."""
 
-class LocalStore:
-    """A folder of the local file system, or of a network file system with atomic rename."""
-
-    def __init__(self, folder: Path | str):
-        self.folder = Path(folder)
-        self.location = str(folder)
-
-    def read(self, path: str) -> bytes | None:
-        try:
-            return (self.folder / path).read_bytes()
-        except FileNotFoundError:
-            return None
-
-    def open(self, path: str) -> pa.NativeFile:
-        return pa.memory_map(str(self.folder / path))
-
-    def size(self, path: str) -> int | None:
-        try:
-            return (self.folder / path).stat().st_size
-        except FileNotFoundError:
-            return None
-
-    def write(self, path: str, data: bytes | memoryview) -> None:
-        temporary = self._temporary(path, data)
-        failpoint("rename")
-        temporary.replace(self.folder / path)
-        _flush_folder(temporary.parent)
-        failpoint("renamed")
-
-    def create(self, path: str, data: bytes) -> bool:
-        temporary = self._temporary(path, data)
-        try:
-            # A link appears whole or fails: unlike open(..., "x"), nobody sees a half of it.
-            os.link(temporary, self.folder / path)
-        except FileExistsError:
-            return False
-        finally:
-            temporary.unlink()
-        _flush_folder(temporary.parent)
-        return True
-
-    def delete(self, path: str) -> None:
-        (self.folder / path).unlink(missing_ok=True)
-
-    def list(self, folder: str) -> list[str]:
-        try:
-            found = list(os.scandir(self.folder / folder))
-        except (FileNotFoundError, NotADirectoryError):
-            return []
-        names = [entry.name + ("/" if entry.is_dir() else "") for entry in found]
-        return sorted(name for name in names if not name.startswith("."))
-
-    def _temporary(self, path: str, data: bytes | memoryview) -> Path:
-        """A flushed file beside `path` whose name tells who wrote it."""
-        target = self.folder / path
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            self._clean(target.parent)
-            failpoint("write")
-            name = f".{target.name}.{socket.gethostname()}.{os.getpid()}.{secrets.token_hex(4)}.tmp"
-            temporary = target.with_name(name)
-            try:
-                with temporary.open("wb") as file:
-                    file.write(data)
-                    failpoint("flush")
-                    file.flush()
-                    os.fsync(file.fileno())
-            except BaseException:
-                temporary.unlink(missing_ok=True)
-                raise
-        except OSError as error:
-            raise RsaDataError(
-                f"{self.location}: cannot write {path}: {error.strerror or error}. What was "
-                "committed before is valid; run the same command again once this is mended."
-            ) from error
-        return temporary
-
-    @staticmethod
-    def _clean(folder: Path) -> None:
-        """Removes temporary files that a process of this machine left behind when it died."""
-        for stale in folder.glob(".*.tmp"):
-            host, process = stale.name.split(".")[-4:-2]
-            if host == socket.gethostname() and not Path(f"/proc/{process}").exists():
-                stale.unlink(missing_ok=True)
-
-
-def _flush_folder(folder: Path) -> None:
-    """Makes a rename last through a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    def free(self) -> int | None:
+        """Bytes that can still be written; None when that is not known."""
 
 
 def open_store(location: str | Path) -> Store:
-    """The store at a location: a folder."""
-    if "://" in str(location):
-        raise RsaDataError(f"--work {location}: expected a folder")
+    """The store at a location: a folder, or s3://bucket/prefix."""
+    text = str(location)
+    if text.startswith("s3://"):
+        from .storage_s3 import S3Store
+
+        return S3Store(text)
+    if "://" in text:
+        raise RsaDataError(f"--work {text}: expected a folder or s3://BUCKET/PREFIX")
+    from .storage_local import LocalStore
+
     return LocalStore(location)

@@ -68,8 +68,9 @@ def test_without_a_receipt_a_part_is_not_done(table):
 
 def test_a_part_of_another_size_is_refused(table):
     table.commit(0, embeddings(), COUNTS)
-    data = table.store.read(f"{table.path}/part-00000.parquet")
-    table.store.write(f"{table.path}/part-00000.parquet", data[:-1])
+    file = f"{table.path}/{table.receipt(0)['file']}"
+    data = table.store.read(file)
+    table.store.write(file, data[:-1])
     with pytest.raises(RsaDataError, match=rf"expected {len(data)} bytes.*found {len(data) - 1}"):
         table.read(0)
 
@@ -96,7 +97,7 @@ def test_manifest_only_when_all_parts_are_there(table):
     assert [receipt["part"] for receipt in stored["parts"]] == [0, 1]
 
 
-@pytest.mark.parametrize("moment", ["write", "flush", "rename", "renamed", "receipt"])
+@pytest.mark.parametrize("moment", ["write", "flush", "flushed", "rename", "renamed", "receipt"])
 def test_killed_at_any_moment_a_part_is_whole_or_not_there(tmp_path, moment):
     table = Work(tmp_path).table("rooms", "embeddings/occupancy/a")
     table.bind(DESCRIPTION)
@@ -113,10 +114,11 @@ def test_killed_at_any_moment_a_part_is_whole_or_not_there(tmp_path, moment):
     )
     assert ended.returncode == -9
     assert table.parts() == []
+    table.bind(DESCRIPTION)
     table.commit(0, embeddings(), COUNTS)
     assert table.read(0).equals(embeddings())
     left = [p.name for p in (tmp_path / table.path).iterdir()]
-    assert sorted(left) == ["part-00000.json", "part-00000.parquet", "table.json"]
+    assert sorted(left) == [table.receipt(0)["file"], "part-00000.json", "table.json"]
 
 
 def test_a_full_disk_is_a_clear_error_and_keeps_what_was_there(table, monkeypatch):
@@ -126,7 +128,7 @@ def test_a_full_disk_is_a_clear_error_and_keeps_what_was_there(table, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(RsaDataError, match=r"cannot write .*part-00001.parquet: No space left"):
+    with pytest.raises(RsaDataError, match=r"cannot write .*part-00001-.*parquet: No space left"):
         table.commit(1, embeddings(), COUNTS)
     monkeypatch.undo()
     assert table.parts() == [0]
