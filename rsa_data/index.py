@@ -99,16 +99,21 @@ def index(
         "inputs": [],
     }
     table.bind(description)
-    old = [table.read(number, columns=["sample_id"]) for number in table.parts()]
+    # Listed once: were the next number taken from a second look, a run beside this one that had
+    # written a part in between would leave its samples there twice.
+    there = table.parts()
+    old = [table.read(number, columns=["sample_id"]) for number in there]
     known = pa.concat_tables(old)["sample_id"] if old else pa.chunked_array([[]], pa.string())
     fresh = samples.filter(pc.invert(pc.is_in(samples["sample_id"], value_set=known)))
-    number = max(table.parts(), default=-1) + 1
+    number = max(there, default=-1) + 1
+    if len(fresh):
+        table.store.delete(f"{table.path}/manifest.json")
     for split in sorted(pc.unique(fresh["split"]).to_pylist(), key=lambda s: (s != "train", s)):
         rows = fresh.filter(pc.equal(fresh["split"], split))
         size = test_part_size if split in dataset.test_splits else part_size
         for start in range(0, len(rows), size):
             part = rows.slice(start, size)
-            what = {"table": description, "digest": tables.digest(part)}
+            what = {"dataset": dataset.name, "digest": tables.digest(part)}
             counts = {"ok": len(part), "failed": 0, "skipped": 0}
             table.commit(number, part, {**counts, "split": split, "fingerprint": fingerprint(what)})
             number += 1

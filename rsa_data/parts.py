@@ -195,7 +195,7 @@ class Parts:
             "digest": tables.digest(table),
         }
         there = self._find(number)
-        if there and there["fingerprint"] == full["fingerprint"] and not redo:
+        if there and there.get("fingerprint") == full.get("fingerprint") and not redo:
             return there
         self.store.write(f"{self.path}/{name}", data)
         failpoint("receipt")
@@ -208,7 +208,7 @@ class Parts:
             there = self.receipt(number)
             if there["file"] != name:
                 self.store.delete(f"{self.path}/{name}")
-            if there["fingerprint"] != full["fingerprint"]:
+            if there.get("fingerprint") != full.get("fingerprint"):
                 raise TransientError(
                     f"{self}: another run has just written part {number}, from another input. Let "
                     "one of them end, then run the same command again"
@@ -241,7 +241,7 @@ class Parts:
         return merged
 
     def complete(self) -> bool:
-        """Whether the table's last run has finished it: samples grow, and have nothing to go by."""
+        """Whether the table has been finished; an index that was stopped half-way has not."""
         return self.store.size(f"{self.path}/manifest.json") is not None
 
     def start_over(self) -> None:

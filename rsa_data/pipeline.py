@@ -64,10 +64,10 @@ def samples(
         found = found or Path("data") / dataset.name
         dataset.prepare(found)
     text_only = source.startswith("rsa-release:")
-    if found is None and text_only and not table.parts():
+    if found is None and text_only and not table.complete():
         rows = index_release(Path(source.partition(":")[2]), dataset)
         index.index(work, dataset, kept, root=None, samples=rows, **sizes)
-    elif found is not None or not table.parts():
+    elif found is not None or not table.complete():
         index.index(work, dataset, kept, root=found, **sizes)
     return dataset.name
 
