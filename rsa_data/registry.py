@@ -38,6 +38,13 @@ STYLES = {
     "classes": "rsa_data.captions.styles:classes",
     "counts": "rsa_data.captions.styles:counts",
     "occupancy": "rsa_data.captions.styles:occupancy",
+    "occupied": "rsa_data.captions.styles:occupied",
+    "located": "rsa_data.captions.styles:located",
+    "grid": "rsa_data.captions.styles:grid",
+    "intrinsics": "rsa_data.captions.styles:intrinsics",
+    "release": "rsa_data.captions.styles:release",
+    "release-text": "rsa_data.captions.natural:release_text",
+    "import": "rsa_data.captions.natural:import_texts",
 }
 
 TOKENIZERS = {

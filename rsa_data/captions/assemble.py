@@ -53,7 +53,7 @@ def texts(
     version = is_first.astype(np.int8)
     if last != between or closing:
         version[ends[: len(begins)]] += 2
-    leads = {0: between, 1: opening, 2: last, 3: opening}
+    leads: dict[int, Column | str] = {0: between, 1: opening, 2: last, 3: opening}
     values, index = [pa.array([nothing])], np.zeros(len(caption), np.int64)
     known, size = objects >= 0, 1
     place = np.empty(int(objects.max(initial=-1)) + 1, np.int64)
@@ -81,7 +81,7 @@ def _spell(pieces: Sequence[Column | str], rows: np.ndarray) -> pa.Array:
         else:
             parts.append(pa.array(piece.strings, pa.string()).take(pa.array(piece.codes[rows])))
     if all(isinstance(part, str) for part in parts):
-        return pa.array(["".join(parts)] * len(rows), pa.string())  # type: ignore[arg-type]
+        return pa.array(["".join(parts)] * len(rows), pa.string())
     return pc.binary_join_element_wise(*parts, "")
 
 

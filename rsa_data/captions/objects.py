@@ -23,6 +23,7 @@ class Objects:
     count : int32 of shape (n,), instances that the object stands for: 1 unless grouped.
     area : float64 of shape (n,), share of the full image, 0 to 1; of a group the sum, at most 1.
     center : float32 of shape (n, 2), px, x y, or None when a source has none.
+    size : float64 of shape (images, 2), px, width and height, or None when one is not known.
     image : int64 of shape (n,), the image's place in the block.
     first : int64 of shape (images + 1,), where each image's objects begin.
     """
@@ -31,6 +32,7 @@ class Objects:
     count: np.ndarray
     area: np.ndarray
     center: np.ndarray | None
+    size: np.ndarray | None
     image: np.ndarray
     first: np.ndarray
 
@@ -48,10 +50,15 @@ class Objects:
 
 
 def from_segments(
-    segments: pa.Table, label: np.ndarray, which: Which = "all", group: bool = False
+    segments: pa.Table,
+    samples: pa.Table,
+    label: np.ndarray,
+    which: Which = "all",
+    group: bool = False,
 ) -> Objects:
     """The objects of a block of a segments table.
 
+    samples : the same images' rows of the samples table.
     label : int32 of shape (segments,), a number for the class of each segment.
     which : things (countable), background (stuff), or all.
     group : equal classes of an image become one object with their count and summed area.
@@ -75,8 +82,9 @@ def from_segments(
     count = np.ones(len(label), np.int32)
     if group:
         label, count, area, image = _grouped(label, area, image)
-    order, first = _largest_first(area, image, images)
-    return Objects(label, count, area, center, image, first).take(order)
+    order, first = largest_first(area, image, images)
+    size = _sizes(segments, samples)
+    return Objects(label, count, area, center, size, image, first).take(order)
 
 
 def _centers(segments: pa.Table, rows: np.ndarray) -> np.ndarray | None:
@@ -87,6 +95,13 @@ def _centers(segments: pa.Table, rows: np.ndarray) -> np.ndarray | None:
     flat = pc.list_flatten(column)
     flat = flat.combine_chunks() if isinstance(flat, pa.ChunkedArray) else flat
     return flat.flatten().to_numpy().reshape(-1, 2)[rows]
+
+
+def _sizes(segments: pa.Table, samples: pa.Table) -> np.ndarray | None:
+    columns = [pc.coalesce(segments[name], samples[name]) for name in ("width", "height")]
+    if any(column.null_count for column in columns):
+        return None
+    return np.stack([column.to_numpy() for column in columns], 1).astype(np.float64)
 
 
 def _grouped(
@@ -101,7 +116,7 @@ def _grouped(
     return (keys % classes).astype(np.int32), count, total, keys // classes
 
 
-def _largest_first(
+def largest_first(
     area: np.ndarray, image: np.ndarray, images: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The order that puts each image's largest object first, and where each image begins.

@@ -1,32 +1,109 @@
-"""Class names as English: cleaned, with their article and their plural."""
+"""Class names as English words: cleaned, with their article and their plural."""
 
 import re
+import unicodedata
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
+
+from .nouns import MASS, PAIRS, PLURAL, PLURALS, SPELLED
+
+# COCO panoptic names its merged classes "wall-brick", "sky-other-merged": the released segments
+# have what stands before the first hyphen.
+_COCO = re.compile(r"-(?:merged|other|stuff|wood|brick|stone|tile|blind)\b.*")
+_GLOSS = re.compile(r"\([^()]*\)")
 
 
 @dataclass(frozen=True)
 class Word:
-    """name : the class as it stands in a text; plural : of several; article : "a ", "an " or "";
-    is_plural : the name itself is plural (stairs, scissors)."""
+    """A class name in its forms.
+
+    name : of one, without underscores and glosses, beginning and ending in a letter or digit.
+    plural : of several.
+    article : "a " or "an "; empty for plural and mass nouns.
+    is_plural : the name itself is plural (stairs, scissors), so that a verb has no s.
+    """
 
     name: str
     plural: str
     article: str
     is_plural: bool
 
-    @property
-    def verb_s(self) -> str:
-        """The ending of a verb that follows the name: "s" (a bed occupies) or "" (stairs occupy)."""
-        return "" if self.is_plural else "s"
 
-
-def clean(label: str) -> str:
-    label = re.sub(r"\([^()]*\)", " ", label.replace("_", " "))
-    return " ".join(label.split()) or "object"
+# Longer names are no English nouns, and inflect's patterns are slow on them.
+_LONGEST = 60
 
 
 @cache
 def word(label: str) -> Word:
+    """The forms of a class name, whatever dataset it comes from."""
     name = clean(label)
-    return Word(name, name + "s", "a ", False)
+    if known := _find(name, PLURALS):
+        return Word(name, name.removesuffix(known) + PLURALS[known], _article(name), False)
+    if _find(name, PAIRS):
+        return Word(name, f"pairs of {name}", "", True)
+    if _find(name, PLURAL):
+        return Word(name, name, "", True)
+    for amount, nouns in MASS.items():
+        if _find(name, nouns):
+            return Word(name, f"{amount} of {name}", "", name == "grits")
+    # TVs, not TVS.
+    other = _foreign(name) or not name[-1].islower()
+    plural = name + "s" if other else str(_engine().plural_noun(name))
+    return Word(name, plural, _article(name), False)
+
+
+@cache
+def number_word(number: int) -> str:
+    """two, seventeen, twenty-one."""
+    return str(_engine().number_to_words(number))
+
+
+def clean(label: str) -> str:
+    """`bow_(weapon)` as bow, `wall-brick` as wall, `sofa, couch, lounge` as sofa.
+
+    What has neither letter nor digit becomes "object".
+    """
+    text = label.replace("_", " ")
+    while (shorter := _GLOSS.sub(" ", text)) != text:
+        text = shorter
+    text = _COCO.sub("", text.split("(")[0])
+    text = re.split(r"[,;]", text.strip(" ,;"))[0]
+    # No reader sees control characters, and signs at the ends would run into those between phrases.
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    begin, end = 0, len(text)
+    while begin < end and _is_sign(text[begin]):
+        begin += 1
+    while begin < end and _is_sign(text[end - 1]):
+        end -= 1
+    text = text[begin:end] or "object"
+    return SPELLED.get(text, text)
+
+
+def _is_sign(character: str) -> bool:
+    return unicodedata.category(character)[0] in "PSZ"
+
+
+def _find(name: str, nouns: Container[str]) -> str | None:
+    """What of a name stands in a table: all of it, its last word, or its last two."""
+    parts = name.split()
+    endings = (name, parts[-1], " ".join(parts[-2:]), parts[-1].lower())
+    return next((ending for ending in endings if ending in nouns), None)
+
+
+@cache
+def _engine() -> Any:
+    import inflect
+
+    return inflect.engine()
+
+
+def _foreign(name: str) -> bool:
+    return len(name) > _LONGEST or not name.isascii()
+
+
+def _article(name: str) -> str:
+    if _foreign(name):
+        return "a "
+    return str(_engine().a(name)).split(" ")[0] + " "
