@@ -54,12 +54,17 @@ def table(name: str) -> ClassTable:
     return parse(tables[name], f"class table {name}")
 
 
+def known() -> list[str]:
+    """The names of the tables that the package ships."""
+    return sorted(_tables()["tables"])
+
+
 def parse(spec: dict[str, Any], where: str) -> ClassTable:
     """A table from its TOML form: `names`, a list counted from `first` (0 unless given) or a table
     of number = name; `things`, the names of the countable ones, or "all" or "none"; `count`, where
     a model answers more classes than have a name.
 
-    Raises RsaDataError when it is not of that form.
+    A name "" is no class (background). Raises RsaDataError when it is not of that form.
     """
     names = spec.get("names")
     if isinstance(names, list):
@@ -81,7 +86,8 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
     else:
         countable = frozenset(n for n, name in numbers.items() if name in things)
     count = spec.get("count", max(numbers, default=-1) + 1)
-    return ClassTable({n: caption_name(name) for n, name in numbers.items()}, countable, count)
+    plain = {n: caption_name(name) for n, name in numbers.items() if name}
+    return ClassTable(plain, countable, count)
 
 
 def read(path: Path) -> ClassTable:
