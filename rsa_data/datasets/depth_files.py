@@ -29,17 +29,22 @@ def units_per_metre(text: str) -> float:
     return per_metre
 
 
-def png16(per_metre: float, none: tuple[int, ...] = (0,)) -> Callable[[Path], np.ndarray]:
+def png16(
+    per_metre: float, none: tuple[int, ...] = (0,), rotated: int = 0
+) -> Callable[[Path], np.ndarray]:
     """A reader of 16-bit grey PNG: path -> float32 of shape (height, width), m, 0 where none.
 
     per_metre : units of the file in a metre, 1000 for mm.
     none : values that stand for "no depth here".
+    rotated : bits by which the file's values are rotated to the left (SUN3D and SUN RGB-D: 3).
 
     The reader raises RowError for a file that is missing, broken or of another kind.
     """
 
     def read(path: Path) -> np.ndarray:
         values = read_png16(path)
+        if rotated:
+            values = values >> rotated | values << (16 - rotated)
         depth = values.astype(np.float32) / np.float32(per_metre)
         for value in none:
             depth[values == value] = 0

@@ -19,6 +19,7 @@ class Sample:
 
     image, depth : paths relative to the dataset's root, forward slashes.
     camera : fx, fy, cx, cy in px, each None where unknown.
+    size : width, height in px where the dataset's own listing tells them.
     """
 
     split: str
@@ -27,6 +28,7 @@ class Sample:
     image: str | None
     depth: str | None
     camera: tuple[float | None, float | None, float | None, float | None] = (None,) * 4
+    size: tuple[int | None, int | None] = (None, None)
 
 
 def to_table(name: str, root: Path, samples: Iterable[Sample], split: str | None) -> pa.Table:
@@ -59,8 +61,8 @@ def to_table(name: str, root: Path, samples: Iterable[Sample], split: str | None
                 "image": [s.image for s in rows],
                 "depth": [s.depth for s in rows],
                 # Reading 48,000 headers would make of seconds minutes; the stages that decode know.
-                "width": [None] * len(rows),
-                "height": [None] * len(rows),
+                "width": [s.size[0] for s in rows],
+                "height": [s.size[1] for s in rows],
                 "fx": cameras[0],
                 "fy": cameras[1],
                 "cx": cameras[2],
@@ -112,6 +114,22 @@ def files_below(folder: Path) -> Iterator[tuple[str, list[str]]]:
                     (folders if entry.is_dir() else files).append(entry.name)
         yield below, sorted(files)
         waiting += [f"{below}{name}/" for name in sorted(folders, reverse=True)]
+
+
+def folders_with(folder: Path, *wanted: str) -> Iterator[str]:
+    """Folders below `folder`, relative to it, that hold all of the folders `wanted`; sorted.
+
+    Nothing is looked for below them. Hidden folders are left out.
+    """
+    waiting = [""]
+    while waiting:
+        below = waiting.pop()
+        with os.scandir(folder / below) as entries:
+            names = {e.name for e in entries if e.is_dir() and not e.name.startswith(".")}
+        if names.issuperset(wanted):
+            yield below.rstrip("/")
+        else:
+            waiting += [f"{below}{name}/" for name in sorted(names, reverse=True)]
 
 
 def is_image(name: str) -> bool:

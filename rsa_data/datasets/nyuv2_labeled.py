@@ -1,0 +1,130 @@
+"""NYU Depth v2's 1,449 labelled frames from their MATLAB file, unpacked once into plain PNG."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from .. import registry
+from ..errors import RsaDataError
+from . import Dataset
+from .depth_files import png16
+from .listing import Sample, files_below, guide, require_folder, stem, to_table
+from .nyuv2 import CAMERA, border, room
+
+_FRAMES, _SPLITS = "nyu_depth_v2_labeled.mat", "splits.mat"
+
+# Written last, so that a killed unpacking goes on.
+_DONE = "names.toml"
+
+# Steps in a metre of the depth files: 0.1 mm is lost at most, and 13 m fit.
+_PER_METRE = 5000
+
+
+def nyuv2_labeled() -> Dataset:
+    """NYU Depth v2 labelled: 795 training and 654 test images with 894 classes, from the .mat file.
+
+    The first command unpacks the file into PNG beside it (about 1.5 GB).
+    """
+    return Dataset(
+        name="nyuv2-labeled",
+        index=_index,
+        read_depth=png16(_PER_METRE),
+        min_depth=1e-3,
+        max_depth=10.0,
+        train_mask=border,
+        key_paths=lambda split, key: (f"{split}/{key}.png", _depth_of(f"{split}/{key}.png")),
+        scene=room,
+        prepare=unpack,
+    )
+
+
+def _depth_of(image: str) -> str:
+    return image.replace("/rgb_", "/sync_depth_")
+
+
+def _index(root: Path, split: str | None) -> pa.Table:
+    require_folder("nyuv2-labeled", root)
+    return to_table("nyuv2-labeled", root, _samples(root), split)
+
+
+def _samples(root: Path) -> Iterator[Sample]:
+    for split in ("train", "test"):
+        for below, names in files_below(root / split):
+            for name in names:
+                if name.startswith("rgb_"):
+                    image, key = f"{split}/{below}{name}", stem(below + name)
+                    yield Sample(split, key, room(key), image, _depth_of(image), CAMERA)
+
+
+def unpack(root: Path) -> None:
+    """Writes SPLIT/SCENE/rgb_N.png, sync_depth_N.png, labels/SPLIT/SCENE/rgb_N.png, names.toml.
+
+    N counts from 0, as in BTS. Depth is rawDepths, the sensor's without filled holes. Files that
+    are there stay, so a killed run goes on.
+
+    Raises RsaDataError when the MATLAB files are missing or not what they should be, or a package
+    that reads them is.
+    """
+    if (root / _DONE).is_file():
+        return
+    if missing := [name for name in (_FRAMES, _SPLITS) if not (root / name).is_file()]:
+        raise RsaDataError(
+            f"nyuv2-labeled: {root}: expected {' and '.join(missing)}, found neither that nor the "
+            f"unpacked images; {guide('nyuv2-labeled')}"
+        )
+    with registry.extras("dataset 'nyuv2-labeled'"):
+        import h5py
+        import scipy.io
+    try:
+        numbers = scipy.io.loadmat(root / _SPLITS)["testNdxs"].ravel()
+        test = {int(number) - 1 for number in numbers}  # MATLAB counts from 1
+        with h5py.File(root / _FRAMES) as file:
+            for i in range(len(file["images"])):
+                split = "test" if i in test else "train"
+                _unpack_one(root, file, i, f"{split}/{_text(file, 'scenes', i)}")
+            # A hyphen would end a class name in captions.
+            count = file["names"].shape[1]
+            names = [_text(file, "names", i).replace("-", " ") for i in range(count)]
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise RsaDataError(
+            f"nyuv2-labeled: {root}: expected {_FRAMES} and {_SPLITS} as NYU gives them, found: "
+            f"{error}; get them again, {guide('nyuv2-labeled')}"
+        ) from error
+    text = f"first = 1\nnames = {json.dumps(names, ensure_ascii=False)}\n"
+    _write(root / _DONE, text.encode())
+
+
+def _unpack_one(root: Path, file: Any, i: int, folder: str) -> None:
+    """The three images of frame i. Arrays lie transposed, as MATLAB stores columns first."""
+    image = root / folder / f"rgb_{i:05d}.png"
+    label = root / "labels" / folder / image.name
+    if label.is_file():  # the last of the three
+        return
+    depth = np.rint(file["rawDepths"][i].T.astype(np.float64) * _PER_METRE)
+    _write(image, _png(file["images"][i].transpose(2, 1, 0)))
+    _write(root / _depth_of(f"{folder}/{image.name}"), _png(depth.clip(0, 65535).astype(np.uint16)))
+    _write(label, _png(file["labels"][i].T.astype(np.uint16)))
+
+
+def _text(file: Any, name: str, i: int) -> str:
+    """Element i of a cell array of strings: a reference to an array of UTF-16 codes."""
+    return "".join(chr(code) for code in np.asarray(file[file[name][0, i]]).ravel())
+
+
+def _png(pixels: np.ndarray) -> bytes:
+    """PNG of uint8 RGB of shape (h, w, 3) or uint16 grey of shape (h, w)."""
+    import cv2
+
+    ordered = pixels[:, :, ::-1] if pixels.ndim == 3 else pixels  # OpenCV wants BGR
+    return cv2.imencode(".png", np.ascontiguousarray(ordered))[1].tobytes()
+
+
+def _write(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    part.write_bytes(data)
+    part.replace(path)
