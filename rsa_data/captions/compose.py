@@ -64,10 +64,10 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table, np.ndarray, list[s
         segments: pa.Table, samples: pa.Table, label: np.ndarray, names: list[str]
     ) -> Columns:
         found = from_segments(segments, samples, label, recipe.objects, recipe.group)
-        keys: np.ndarray = chance.caption_keys(
+        keys = chance.caption_keys(
             recipe.seed, segments["sample_id"].to_pylist(), recipe.variants
         )  # (variants, images)
-        plain = np.zeros(keys.shape, bool)
+        plain: np.ndarray = np.zeros(keys.shape, bool)
         plain[0] = True
         opening, of_image = _openings(wording, samples)
         if recipe.replace or recipe.insert:

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..datasets import Dataset
 from ..encoders.tokenizers import Tokenizer
 from ..errors import RsaDataError
 from ..progress import advance
@@ -25,7 +24,7 @@ VERSION = 1
 
 # A row of samples (sample_id, image) -> the texts of that image, None when none are known.
 Reader = Callable[[str, str | None], list[str] | None]
-Importer = Callable[[str, Dataset | None], Reader]
+Importer = Callable[[str], Reader]
 
 # Folder of the release -> our dataset, where the names differ.
 _FOLDERS = {"nyuv2": "nyu"}
@@ -77,7 +76,7 @@ def _tidy(texts: Sequence[str]) -> list[str]:
     return [text for text in joined if text]
 
 
-def release_text(argument: str, dataset: Dataset | None) -> Reader:
+def release_text(argument: str) -> Reader:
     """The release's `text_all`: 15 lines an image, 0 to 9 of a model, 10 to 14 structured.
 
     argument : a clone of the RSA repository, its `text` folder, or `text_all` itself.
@@ -117,7 +116,7 @@ def _lines(path: Path, shown: str) -> list[str] | None:
         raise RsaDataError(f"captions: {shown}: expected UTF-8; found {error.reason}") from error
 
 
-def import_texts(argument: str, dataset: Dataset | None) -> Reader:
+def import_texts(argument: str) -> Reader:
     """A .json or .csv file of key and text, or a folder of .txt files.
 
     A key is a sample_id (nyuv2/test/bathroom/rgb_00045), what follows the split in it

@@ -8,7 +8,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from .. import registry
-from ..datasets import Dataset
 from ..encoders.tokenizers import Tokenizer
 from ..errors import RsaDataError, UsageError
 from ..progress import advance
@@ -26,7 +25,6 @@ _MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
 def build(
     *,
-    dataset: Dataset | None = None,
     style: str = "occupancy",
     variants: int = 5,
     seed: int = 0,
@@ -65,7 +63,7 @@ def build(
     target, argument = _resolve(style)
     counter: Tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)()
     if not isinstance(target, Wording):
-        return natural.step(style, target(argument, dataset), counter)
+        return natural.step(style, target(argument), counter)
     for name, value, low, high in (
         ("variants", variants, 1, 2**15 - 1),
         ("digits", digits, 0, 3),
