@@ -7,6 +7,8 @@ from typing import Any
 from tqdm import tqdm
 
 from .run import Bar, Summary
+from .units import duration as duration
+from .units import size as size
 
 
 class Lines:
@@ -45,23 +47,6 @@ def bar(title: str, total: int) -> Bar:
     if sys.stderr.isatty():
         return tqdm(total=total, desc=title, unit=" rows", smoothing=0.1, leave=False)
     return Lines(title, total)
-
-
-def duration(seconds: float) -> str:
-    """`8.3 s`, `12 min`, `3 h 05 min`."""
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def size(count: float) -> str:
-    """`3.1 MB`, decimal units."""
-    for unit in ("bytes", "kB", "MB", "GB", "TB"):
-        if count < 1000 or unit == "TB":
-            break
-        count /= 1000
-    return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
 
 
 def summary_lines(stage: str, dataset: str, summary: Summary) -> list[str]:

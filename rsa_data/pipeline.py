@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from . import index, registry, run, stages
+from . import engines, index, registry, run, stages
 from .errors import RsaDataError
 from .parts import Work
 from .run import Bar, Summary
@@ -23,9 +23,10 @@ class How:
     tell: Callable[[str, str, Summary], None]
     split: str | None = None
     part_range: tuple[int, int] | None = None
-    workers: int = 1
+    engine: engines.How = engines.How()
     start_over: bool = False
     redo_failed: bool = False
+    max_failures: float | int | None = None
 
 
 def samples(
@@ -88,9 +89,10 @@ def stage(
         job,
         split=how.split,
         part_range=how.part_range,
-        workers=how.workers,
+        engine=how.engine,
         start_over=how.start_over,
         redo_failed=how.redo_failed,
+        max_failures=how.max_failures,
         bar=how.bar,
     )
     how.tell(name, dataset, summary)
@@ -173,5 +175,5 @@ def retry_failed(work: Work, datasets: list[str], how: How) -> None:
             how.tell(
                 description["stage"],
                 dataset,
-                run.run(job, workers=how.workers, bar=how.bar, redo_failed=True),
+                run.run(job, engine=how.engine, bar=how.bar, redo_failed=True),
             )

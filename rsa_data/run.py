@@ -7,8 +7,10 @@ from typing import Any, Protocol
 
 import pyarrow.compute as pc
 
-from . import engines, stages
+from . import engines, limits, stages
+from .engines import Result, Task
 from .errors import RsaDataError, TransientError, UsageError
+from .logs import RunLog
 from .parts import Work
 from .stages import Job
 
@@ -48,56 +50,65 @@ class Summary:
     reasons: list[tuple[str, int]]
 
 
+_HERE = engines.How()
+
+# So many parts may end in an error that nobody foresaw before the run stops: by then it is not
+# the part.
+_UNFORESEEN = 3
+
+
 def run(
     job: Job,
     *,
     split: str | None = None,
     part_range: tuple[int, int] | None = None,
-    workers: int = 1,
+    engine: engines.How = _HERE,
     start_over: bool = False,
     redo_failed: bool = False,
+    max_failures: float | int | None = None,
     bar: Callable[[str, int], Bar],
 ) -> Summary:
     """Brings the job's output up to date for the selected parts.
 
     part_range : first and last part, last excluded. redo_failed : also parts with failed rows.
-    bar : (title, total rows) -> something that shows progress.
+    max_failures : failed rows at which the run stops: a count (int), or a share of the rows of
+        this run (float, 0 to 1). bar : (title, total rows) -> something that shows progress.
     """
     begun = time.monotonic()
     work, output = Work(job.work), job.table(job.output)
     if start_over:
         output.start_over()
     numbers = select(work, job.dataset, split, part_range)
-    for name in job.inputs:
-        if missing := sorted(set(numbers) - set(job.table(name).parts())):
-            first = ", ".join(map(str, missing[:5])) + (" ..." if len(missing) > 5 else "")
-            raise RsaDataError(
-                f"{job.table(name)}: expected parts of this table first; {len(missing)} are not "
-                f"done: {first}. Run `rsa-data status` to see what to run"
-            )
+    _need_inputs(job, numbers)
     description = stages.describe(job)
     output.bind(description)
     stages.remember(job)
     todo, stale = stages.pending(job, description, numbers)
+    tasks = [Task(number) for number in todo]
     if redo_failed:
         again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
-        todo = sorted(todo + again)
-    sizes = {n: _units(job.table(job.inputs[0]).receipt(n)) for n in todo}
+        tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
+    sizes = {t.number: units(job.table(job.inputs[0]).receipt(t.number)) for t in tasks}
     undone: dict[int, str] = {}
     shown = bar(f"{job.dataset} {job.stage}", sum(sizes.values()))
-    try:
-        for number, result in _ticking(job, description, todo, workers, shown, sizes):
-            if isinstance(result, TransientError):
-                undone[number] = str(result)
-    finally:
-        shown.close()
-    output.manifest(work.table(job.dataset, "samples").parts())
+    with RunLog(work, job.dataset, job.output) as log:
+        log.write("begin", table=str(output), parts=len(tasks), rows=sum(sizes.values()))
+        try:
+            for result in _watched(job, description, tasks, engine, shown, sizes, max_failures):
+                _take_down(log, result, sizes[result.number])
+                if result.error is not None:
+                    undone[result.number] = _reason(result, undone, log)
+        finally:
+            shown.close()
+        output.manifest(work.table(job.dataset, "samples").parts())
+        log.write("end", done=len(tasks) - len(undone), undone=len(undone))
     receipts = [output.receipt(n) for n in numbers if n not in undone]
+    _all_accounted(job, receipts)
     total = {k: sum(r[k] for r in receipts) for k in ("rows", "ok", "failed", "skipped", "bytes")}
     return Summary(
         output=str(output),
-        done=len(todo) - len(undone),
-        kept=len(numbers) - len(todo),
+        done=len(tasks) - len(undone),
+        kept=len(numbers) - len(tasks),
         stale=len(stale),
         undone=undone,
         seconds=time.monotonic() - begun,
@@ -107,34 +118,109 @@ def run(
     )
 
 
-def _ticking(
+def _need_inputs(job: Job, numbers: list[int]) -> None:
+    if not job.table("samples").complete():
+        raise RsaDataError(
+            f"{job.table('samples')}: its index was stopped half-way. Finish it first: run the "
+            f"first stage of this dataset again, such as rsa-data captions --dataset {job.dataset}"
+        )
+    for name in job.inputs:
+        if missing := sorted(set(numbers) - set(job.table(name).parts())):
+            first = ", ".join(map(str, missing[:5])) + (" ..." if len(missing) > 5 else "")
+            raise RsaDataError(
+                f"{job.table(name)}: expected parts of this table first; {len(missing)} are not "
+                f"done: {first}. Run `rsa-data status` to see what to run"
+            )
+
+
+def _watched(
     job: Job,
     description: dict[str, Any],
-    todo: list[int],
-    workers: int,
+    tasks: list[Task],
+    engine: engines.How,
     shown: Bar,
     sizes: dict[int, int],
+    max_failures: float | int | None,
 ) -> Any:
-    """The engine's results; the bar moves with what steps report, and at each part's end."""
-    reported = 0
-    finished = 0
+    """The engine's results, held against the limits of a run, while the bar moves.
+
+    The bar follows what steps report, and each part's end.
+    """
+    reported = finished = 0
 
     def on_rows(rows: int) -> None:
         nonlocal reported
         reported += rows
         shown.update(rows)
 
-    if not todo:
+    if not tasks:
         return
-    for number, result in engines.run(job, description, todo, workers=workers, on_rows=on_rows):
-        finished += sizes[number]
+    output = job.table(job.output)
+    left = {task.number for task in tasks}
+    ended: list[dict[str, Any]] = []
+    limits.check_space(job, [output.receipt(n) for n in output.parts()], left)
+    for result in engines.run(job, description, tasks, engine, on_rows):
+        left.discard(result.number)
+        finished += sizes[result.number]
         if reported < finished:
             on_rows(finished - reported)
-        yield number, result
+        yield result
+        if result.receipt is not None:
+            ended.append(result.receipt)
+            limits.check_failures(ended, max_failures, lambda: reasons(job, _numbers(ended)))
+            if len(ended) & (len(ended) - 1) == 0:  # the 1st, 2nd, 4th, 8th ...: cheap, and early
+                limits.check_space(job, ended, left)
 
 
-def _units(receipt: dict[str, Any]) -> int:
+def _numbers(receipts: list[dict[str, Any]]) -> list[int]:
+    return [receipt["part"] for receipt in receipts]
+
+
+def _take_down(log: RunLog, result: Result, rows: int) -> None:
+    what = {"part": result.number, "seconds": round(result.seconds, 3), "worker": result.worker}
+    if result.receipt is None:
+        log.write("undone", **what, error=str(result.error), trace=result.trace)
+    else:
+        counts = {k: result.receipt[k] for k in ("ok", "failed", "skipped", "bytes")}
+        log.write("part", **what, rows=rows, **counts)
+
+
+def _reason(result: Result, undone: dict[int, str], log: RunLog) -> str:
+    """Why a part stays undone; raises what ends the run."""
+    error = result.error
+    if isinstance(error, RsaDataError) and not isinstance(error, TransientError):
+        raise error
+    if result.trace:
+        unforeseen = sum(why.endswith(_SEE) for why in undone.values()) + 1
+        if unforeseen >= _UNFORESEEN:
+            raise RsaDataError(
+                f"{unforeseen} parts ended in errors that nobody foresaw; part {result.number}: "
+                f"{error}. Their traces are in {log.store.location}/{log.path}"
+            ) from error
+        return f"{error}{_SEE}"
+    return str(error)
+
+
+_SEE = " (an error nobody foresaw; its trace is in the log)"
+
+
+def units(receipt: dict[str, Any]) -> int:
+    """What came into a part, as its receipt counts it."""
     return receipt["ok"] + receipt["failed"] + receipt["skipped"]
+
+
+def _all_accounted(job: Job, receipts: list[dict[str, Any]]) -> None:
+    """ok + failed + skipped is what the samples table has, for stages that count samples."""
+    if stages.STAGES[job.stage].unit != "sample_id":
+        return
+    samples = job.table("samples")
+    for receipt in receipts:
+        expected = samples.receipt(receipt["part"])["rows"]
+        if units(receipt) != expected:
+            raise RsaDataError(
+                f"{job.table(job.output)}: part {receipt['part']}: expected {expected} samples "
+                f"accounted for, found {units(receipt)}. Delete its receipt to make it again"
+            )
 
 
 def select(

@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from . import index, options, tables
-from .errors import RsaDataError, UsageError
+from .errors import RsaDataError, TransientError, UsageError
 from .parts import Parts, Work, fingerprint, to_json
 
 Step = Callable[..., pa.Table]
@@ -260,23 +260,45 @@ def build_step(job: Job) -> Step:
     return build(**given, **job.options)
 
 
-def run_part(job: Job, step: Step, description: dict[str, Any], number: int) -> dict[str, Any]:
-    """Reads the input parts, runs the step, accounts for every row, commits; gives the receipt."""
-    stage = STAGES[job.stage]
-    digests = part_inputs(job, number)
-    inputs = [job.table(name).read(number) for name in job.inputs]
-    output = step(*inputs)
-    counts = account(inputs[0], output, stage.unit, f"{job.dataset}/{job.output} part {number}")
-    return job.table(job.output).commit(
+def run_part(
+    job: Job, step: Step, description: dict[str, Any], number: int, *, redo: bool = False
+) -> dict[str, Any]:
+    """Reads the input parts, runs the step, accounts for every row, commits; gives the receipt.
+
+    redo : replace the part although it is there, made from the same input.
+
+    Raises TransientError when another run has changed an input part meanwhile.
+    """
+    stage, output = STAGES[job.stage], job.table(job.output)
+    receipts = {name: job.table(name).receipt(number) for name in job.inputs}
+    inputs = [
+        job.table(name).read(number, receipt=receipt, check=True)
+        for name, receipt in receipts.items()
+    ]
+    made = step(*inputs)
+    counts = account(inputs[0], made, stage.unit, f"{job.dataset}/{job.output} part {number}")
+    digests = {name: receipt["digest"] for name, receipt in receipts.items()}
+    if part_inputs(job, number) != digests or not same(output.description(), description):
+        raise TransientError(
+            f"{output}: another run changed the input or the options of part {number} meanwhile. "
+            "Let it end, then run the same command again"
+        )
+    return output.commit(
         number,
-        output,
+        made,
         {
             **counts,
             "split": job.table("samples").receipt(number)["split"],
             "inputs": digests,
             "fingerprint": part_fingerprint(description, digests),
         },
+        redo=redo,
     )
+
+
+def same(old: dict[str, Any], new: dict[str, Any]) -> bool:
+    """Whether two descriptions of a table promise the same content."""
+    return fingerprint({**old, "made_with": None}) == fingerprint({**new, "made_with": None})
 
 
 def account(before: pa.Table, after: pa.Table, unit: str, where: str) -> dict[str, int]:

@@ -53,6 +53,12 @@ class Store(Protocol):
     def create(self, path: str, data: bytes) -> bool:
         """Puts the file there only if there is none yet; False when there was another one."""
 
+    def append(self, path: str, data: bytes) -> None:
+        """Adds to a log file; it may be seen late, and its end may be lost in a crash."""
+
+    def finish(self, path: str) -> None:
+        """Nothing more will be appended to this log file."""
+
     def delete(self, path: str) -> None:
         """Removes the file; nothing happens when there is none."""
 

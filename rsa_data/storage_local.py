@@ -66,6 +66,17 @@ class LocalStore:
             raise self._explained("write", path, error) from error
         return True
 
+    def append(self, path: str, data: bytes) -> None:
+        try:
+            (self.folder / path).parent.mkdir(parents=True, exist_ok=True)
+            with (self.folder / path).open("ab", buffering=0) as file:
+                file.write(data)
+        except OSError as error:
+            raise self._explained("write", path, error) from error
+
+    def finish(self, path: str) -> None:
+        """Every line is in the file already."""
+
     def delete(self, path: str) -> None:
         try:
             (self.folder / path).unlink(missing_ok=True)

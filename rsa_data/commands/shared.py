@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .. import console
+from .. import console, engines, limits, units
 from ..parts import Work
 from ..pipeline import How
 from ..run import Summary
@@ -20,6 +20,18 @@ def part_range(ctx: click.Context, param: click.Parameter, value: str | None) ->
     if not colon or not first.isdigit() or not last.isdigit() or int(first) >= int(last):
         raise click.BadParameter(f"expected FIRST:LAST, last excluded, as in 0:8; found {value!r}")
     return int(first), int(last)
+
+
+_ENGINE = ("engine", "workers", "memory", "ray_address")
+_HOW = ("split", "part_range", "start_over", "max_failures")
+
+
+def max_failures(ctx: click.Context, param: click.Parameter, value: str) -> float | int:
+    return limits.parse_failures(value)
+
+
+def memory_limit(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    return None if value is None else units.parse_size(value, "--memory-limit")
 
 
 def key_values(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> Any:
@@ -42,16 +54,39 @@ def running(command: Callable) -> Callable:
 
     @functools.wraps(command)
     def wrapped(work: str, **given: Any) -> Any:
-        names = ("split", "part_range", "workers", "start_over")
-        how = How(bar=console.bar, tell=tell, **{n: given.pop(n) for n in names if n in given})
+        engine = engines.How(**{n: given.pop(n) for n in _ENGINE})
+        how = How(bar=console.bar, tell=tell, engine=engine, **{n: given.pop(n) for n in _HOW})
         return command(work=Work(work), how=how, **given)
 
     for option in (
         click.option("--start-over", is_flag=True, help="Delete the table first, make it anew."),
-        click.option("--workers", default=1, show_default=True, help="Processes side by side."),
         click.option(
-            "--part-range", callback=part_range, metavar="A:B", help="Parts A to B-1."
+            "--max-failures",
+            callback=max_failures,
+            default="90%",
+            show_default=True,
+            metavar="N|SHARE%",
+            help="Stop early when more rows fail.",
         ),
+        click.option(
+            "--memory-limit",
+            "memory",
+            callback=memory_limit,
+            metavar="SIZE",
+            help="End a worker that holds more, such as 4GB.",
+        ),
+        click.option(
+            "--ray-address", metavar="ADDRESS", help="Of a Ray cluster, such as auto; none: here."
+        ),
+        click.option(
+            "--engine",
+            type=click.Choice(list(engines.ENGINES)),
+            default="local",
+            show_default=True,
+            help="Who runs the workers.",
+        ),
+        click.option("--workers", default=1, show_default=True, help="Processes side by side."),
+        click.option("--part-range", callback=part_range, metavar="A:B", help="Parts A to B-1."),
         click.option("--split", help="Only this split, such as train or test."),
     ):
         wrapped = option(wrapped)
