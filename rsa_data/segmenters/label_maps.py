@@ -110,11 +110,12 @@ def segments(numbers: np.ndarray, table: ClassTable, with_masks: bool = False) -
     from the next.
     """
     height, width = numbers.shape
-    there, inverse = np.unique(numbers, return_inverse=True)
+    there = np.flatnonzero(np.bincount(numbers.ravel()))
     if strange := [n for n in there.tolist() if n not in table.names and n not in (0, 255)]:
         raise RowError(f"expected class numbers of the table, found {strange[:5]}")
-    named = np.array([n in table.names for n in there.tolist()], bool)
-    index = np.where(named, np.cumsum(named) - 1, -1)[inverse.reshape(numbers.shape)]
-    count = int(named.sum())
-    found = Found(there[named], np.ones(count), index=index, is_thing=np.zeros(count, bool))
+    named = np.array([n for n in there.tolist() if n in table.names], np.int64)
+    place = np.full(int(numbers.max()) + 1, -1)
+    place[named] = np.arange(len(named))
+    index, count = place[numbers], len(named)
+    found = Found(named, np.ones(count), index=index, is_thing=np.zeros(count, bool))
     return to_segments(found, width, height, table, with_masks=with_masks)
