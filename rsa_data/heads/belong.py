@@ -1,0 +1,170 @@
+"""Which tables belong together: what a head's features and relative depth are made of."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import tables
+from ..errors import RsaDataError, UsageError
+from ..parts import Parts, Work, fingerprint
+from ..registry import unknown
+from .examples import Source
+
+# Options of a stage that change how fast or how exactly something is computed or kept, or which
+# pixels are drawn, but not what it means.
+_INDIFFERENT = ("threads", "store", "pixels", "seed")
+# Options of the depth stage that may differ from dataset to dataset within one head: the paper's
+# own models see NYU and KITTI images at different sizes.
+_PER_DATASET = ("geometry", "crop")
+
+
+def features_identity(table: Parts) -> dict[str, Any]:
+    """What features are: style, encoder, its options and the sha256 of its files."""
+    description = table.description()
+    _, style, encoder = table.name.split("/")
+    options = {k: v for k, v in description["options"].items() if k not in _INDIFFERENT}
+    return {
+        "style": style,
+        "encoder": encoder,
+        "options": options,
+        "files": description["files"],
+        "stage_version": description["stage_version"],
+    }
+
+
+def depth_identity(table: Parts) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What y is: (model, its options and files; the geometry this dataset's images had)."""
+    description = table.description()
+    options = {k: v for k, v in description["options"].items() if k not in _INDIFFERENT}
+    geometry = {key: options.pop(key, None) for key in _PER_DATASET}
+    model = {
+        "model": table.name.partition("/")[2],
+        "options": options,
+        "files": description["files"],
+        "stage_version": description["stage_version"],
+    }
+    return model, geometry
+
+
+def same(kind: str, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """The one identity that all have; found: where -> identity. Raises RsaDataError otherwise."""
+    (first, identity), *others = found.items()
+    for where, other in others:
+        for key in identity.keys() | other.keys():
+            if identity.get(key) != other.get(key):
+                raise RsaDataError(
+                    f"{kind} that do not belong together: {key} is {identity.get(key)!r} in "
+                    f"{first} and {other.get(key)!r} in {where}. Make them again with the same "
+                    "options, or train on one dataset at a time with --datasets"
+                )
+    return identity
+
+
+def sources(
+    work: Work,
+    datasets: Sequence[str],
+    style: str | None,
+    encoder: str | None,
+    depth_model: str | None,
+) -> list[Source]:
+    """The tables to learn from, one entry a dataset; what is not named must be the only one there.
+
+    Raises UsageError when a choice is open, RsaDataError when a table is missing.
+    """
+    there = work.datasets()
+    for name in datasets:
+        if name not in there:
+            raise unknown("dataset in this work dir", name, there)
+    if not there:
+        raise RsaDataError(
+            f"{work.store.location}: no dataset there yet. Begin with "
+            "`rsa-data captions --dataset NAME`, or name another --work"
+        )
+    found = []
+    for name in datasets or there:
+        names = work.tables(name)
+        features = [t.split("/") for t in names if t.startswith("embeddings/")]
+        _, style_, encoder_ = _only(
+            name,
+            "embeddings",
+            [t for t in features if style in (None, t[1]) and encoder in (None, t[2])],
+            "--style and --encoder",
+            "rsa-data embed",
+        )
+        depths = [t.split("/") for t in names if t.startswith("depth/")]
+        _, depth_ = _only(
+            name,
+            "depth",
+            [t for t in depths if depth_model in (None, t[1])],
+            "--depth-model",
+            f"rsa-data depth --dataset {name}",
+        )
+        found.append(
+            Source(name, f"captions/{style_}", f"embeddings/{style_}/{encoder_}", f"depth/{depth_}")
+        )
+    return found
+
+
+def _only(dataset: str, kind: str, found: list[list[str]], by: str, make: str) -> list[str]:
+    if not found:
+        raise RsaDataError(f"{dataset}: no such {kind} table. Make it first: {make}")
+    if len(found) > 1:
+        names = ", ".join("/".join(name[1:]) for name in found)
+        raise UsageError(f"{dataset}: several {kind} tables; say which by {by}: {names}")
+    return found[0]
+
+
+def current(work: Work, source: Source, number: int) -> dict[str, str]:
+    """Digests of the part in each table of a source, by table.
+
+    Raises RsaDataError when a table has no such part yet, or made it from another part than the
+    one that lies there now.
+    """
+    names = ["samples", source.captions, source.embeddings, source.depth]
+    receipts = {name: work.table(source.dataset, name).receipt(number) for name in names if name}
+    for name, receipt in receipts.items():
+        for input_name, digest in receipt.get("inputs", {}).items():
+            if input_name in receipts and receipts[input_name]["digest"] != digest:
+                raise RsaDataError(
+                    f"{source.dataset}/{name} part {number} was made from another {input_name} "
+                    "part than the one that lies there now: run its stage again"
+                )
+    return {name: receipt["digest"] for name, receipt in receipts.items()}
+
+
+def together(digests: list[dict[str, str]]) -> dict[str, str]:
+    """One digest a table of the digests of its parts, in the order given."""
+    return {name: fingerprint([part[name] for part in digests]) for name in digests[0]}
+
+
+def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = None) -> np.ndarray:
+    """Features of captions, (n, dim), by the encoder that a head was trained on.
+
+    features : `features` of head.json. weights : the encoder's file, where it is not found alone.
+    """
+    import hashlib
+
+    import pyarrow as pa
+
+    from ..encoders import embed
+    from ..stages import file_sha256
+
+    if not features.get("options"):
+        raise RsaDataError(
+            "this head does not know its encoder (it was imported): encode the captions yourself "
+            "and call head(features)"
+        )
+    options = {**features["options"], "weights": weights}
+    paths = embed.files(**options)
+    for name, path in paths.items():
+        if (found := file_sha256(str(path))) != features["files"].get(name):
+            raise RsaDataError(
+                f"encoder {features['encoder']}: the head was trained with another file {name}: "
+                f"expected sha256 {features['files'].get(name)}; found {found} in {path.name}"
+            )
+    ids = [hashlib.blake2b(text.encode(), digest_size=16).digest() for text in captions]
+    table = pa.table({"text": pa.array(captions), "text_id": pa.array(ids, pa.binary(16))})
+    encoded = embed.build(**options)(table)
+    row = {key: n for n, key in enumerate(encoded["text_id"].to_pylist())}
+    return tables.embedding_array(encoded)[[row[key] for key in ids]]

@@ -1,0 +1,39 @@
+"""From relative to metric depth."""
+
+from typing import Any
+
+import numpy as np
+
+
+def to_metric(relative: Any, scale: Any, shift: Any) -> Any:
+    """Metric depth = 1 / (scale * y + shift), in m.
+
+    relative : y, the depth model's raw output (inverse depth up to scale and shift, larger is
+        nearer), float numpy array or torch tensor of any shape, such as (height, width) or
+        (n, height, width).
+    scale, shift : 1/m per unit of y, and 1/m: numbers, or of shape (n,) for n maps, in which case
+        `relative` has n as its first axis.
+
+    Returns the depth in m, of the shape and kind of `relative`, float32. Where scale * y + shift
+    is not positive (y goes negative after bicubic resizing, for instance) the depth is inf: such a
+    point is beyond everything; evaluation then clips it to the protocol's maximum depth. nan stays
+    nan.
+    """
+    if isinstance(relative, np.ndarray) or np.isscalar(relative):
+        y = np.asarray(relative, np.float32)
+        inverse = _spread(np.asarray(scale, np.float32), y) * y
+        inverse = inverse + _spread(np.asarray(shift, np.float32), y)
+        with np.errstate(divide="ignore"):
+            return np.where(inverse <= 0, np.float32(np.inf), 1 / inverse)
+    import torch
+
+    y = relative.float()
+    scale = torch.as_tensor(scale, dtype=torch.float32, device=y.device)
+    shift = torch.as_tensor(shift, dtype=torch.float32, device=y.device)
+    inverse = _spread(scale, y) * y + _spread(shift, y)
+    return torch.where(inverse <= 0, torch.inf, 1 / inverse)
+
+
+def _spread(number: Any, y: Any) -> Any:
+    """(n,) becomes (n, 1, 1) beside y (n, height, width); a number stays a number."""
+    return number.reshape(number.shape + (1,) * (y.ndim - 1)) if number.ndim == 1 else number
