@@ -35,7 +35,13 @@ SEGMENTERS = {
 
 DECODERS = {
     "yolox": "rsa_data.segmenters.boxes:yolox",
+    "fastestdet": "rsa_data.segmenters.boxes:fastestdet",
+    "nanodet": "rsa_data.segmenters.boxes:nanodet",
+    "detr": "rsa_data.segmenters.queries:detr",
     "panoptic-queries": "rsa_data.segmenters.queries:panoptic",
+    "nms-rows": "rsa_data.segmenters.suppressed:rows",
+    "instances": "rsa_data.segmenters.suppressed:instances",
+    "semantic": "rsa_data.segmenters.semantic:semantic",
 }
 
 STYLES = {
@@ -83,6 +89,7 @@ _EXTRAS = {
     "ray": "ray",
     "onnxscript": "export",
     "onnx": "export",
+    "boto3": "s3",
 }
 
 

@@ -6,6 +6,7 @@ operations. `failpoint` names the moments between them, for tests that kill the 
 
 import os
 import signal
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
@@ -76,11 +77,17 @@ def open_store(location: str | Path) -> Store:
     """The store at a location: a folder, or s3://bucket/prefix."""
     text = str(location)
     if text.startswith("s3://"):
-        from .storage_s3 import S3Store
-
-        return S3Store(text)
+        return _s3_store(text)
     if "://" in text:
         raise RsaDataError(f"--work {text}: expected a folder or s3://BUCKET/PREFIX")
     from .storage_local import LocalStore
 
     return LocalStore(location)
+
+
+@cache
+def _s3_store(location: str) -> Store:
+    """One client a process and location: it takes a tenth of a second to make."""
+    from .storage_s3 import S3Store
+
+    return S3Store(location)
