@@ -25,6 +25,8 @@ class Dataset:
     scene : key -> scene, what must not be divided between training and validation.
     relative : image -> path of the relative depth that the dataset brings for it (.npy or 16-bit
         PNG, read by the depth model `files`), both relative to root; None when it brings none.
+    panoptic : path, relative to root, of the COCO panoptic JSON that the dataset brings: what the
+        segmenter `coco-panoptic` reads when it is given no file. None when it brings none.
     prepare : root -> writes the dataset's files where they are missing, for datasets that are made
         and not downloaded; killed half-way it goes on from there. None for all others.
     test_splits : splits whose depth is stored whole and which no training may read.
@@ -42,5 +44,6 @@ class Dataset:
     key_paths: Callable[[str, str], tuple[str | None, str | None]] = lambda split, key: (None, None)
     scene: Callable[[str], str] = lambda key: key
     relative: Callable[[str], str] | None = None
+    panoptic: str | None = None
     prepare: Callable[[Path], None] | None = None
     test_splits: tuple[str, ...] = ("test",)

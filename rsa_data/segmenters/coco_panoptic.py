@@ -29,8 +29,10 @@ def build(
     """A step that looks up each sample's annotation by its image's file name.
 
     argument : JSON, or JSON:DIR where DIR holds the PNG files; otherwise they lie in a folder
-        named as the JSON file, or beside it.
+        named as the JSON file, or beside it. None: the JSON that the dataset itself brings.
     """
+    if argument is None and dataset.panoptic is not None and root is not None:
+        argument = str(root / dataset.panoptic)
     path = _json_path(argument)
     content = read_json(path, ("images", "annotations", "categories"), _WHERE)
     folder = _png_folder(path, argument)
@@ -60,8 +62,8 @@ def build(
 
 
 def files(*, argument: str | None, **_: Any) -> dict[str, Path]:
-    """The JSON file."""
-    return {"json": _json_path(argument)}
+    """The JSON file, unless it is the one that the dataset brings."""
+    return {} if argument is None else {"json": _json_path(argument)}
 
 
 def segments(

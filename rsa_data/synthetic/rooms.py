@@ -42,9 +42,9 @@ def kinds() -> list[Kind]:
 _ON_TOP = ("laptop", "bottle", "cup", "book", "vase", "microwave", "keyboard")
 
 
-def room(rng: np.random.Generator, views: int) -> tuple[Builder, list[Camera]]:
-    """One furnished room and `views` cameras in it."""
-    kind = kinds()[rng.integers(len(kinds()))]
+def room(number: int, rng: np.random.Generator, views: int) -> tuple[Builder, list[Camera]]:
+    """A furnished room of the number-th kind, round and round, and `views` cameras in it."""
+    kind = kinds()[number % len(kinds())]
     # Width and depth of a room go together: one large, one small draw would be a corridor.
     share = rng.beta(1.3, 1.3)
     w, d, h = (

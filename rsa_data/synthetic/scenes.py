@@ -16,13 +16,13 @@ from .streets import street
 class World:
     """A family of scenes.
 
-    build : (generator, views) -> a scene and that many cameras.
-    outdoors : lit by the sun, under a sky.
+    build : (number, generator, views) -> a scene and that many cameras.
+    outdoors : lit by the sun, under a sky. stream : sets its random numbers apart.
     """
 
-    build: Callable[[np.random.Generator, int], tuple[Builder, list[Camera]]]
+    build: Callable[[int, np.random.Generator, int], tuple[Builder, list[Camera]]]
     outdoors: bool
-    number: int
+    stream: int
 
 
 INDOOR = World(room, False, 0)
@@ -61,8 +61,8 @@ def shoot(world: World, key: tuple[int, ...], views: int) -> list[Shot]:
     A scene of which one picture shows nothing much is thrown away and built anew.
     """
     for attempt in range(_TRIES):
-        rng = np.random.default_rng([world.number, *key, attempt])
-        scene, cameras = world.build(rng, views)
+        rng = np.random.default_rng([world.stream, *key, attempt])
+        scene, cameras = world.build(key[-1], rng, views)
         shots = []
         for camera in cameras:
             view = render(scene.solids, camera, outdoors=world.outdoors, rng=rng)

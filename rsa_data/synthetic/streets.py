@@ -39,9 +39,9 @@ _GROUND = {
 }
 
 
-def street(rng: np.random.Generator, views: int) -> tuple[Builder, list[Camera]]:
-    """One street along y and `views` cameras on it, all looking about along it."""
-    kind = kinds()[rng.integers(len(kinds()))]
+def street(number: int, rng: np.random.Generator, views: int) -> tuple[Builder, list[Camera]]:
+    """A street along y of the number-th kind, and `views` cameras that look about along it."""
+    kind = kinds()[number % len(kinds())]
     share = rng.beta(1.3, 1.3)
     road, walk, garden, length = (
         low + (high - low) * float(np.clip(share + rng.normal(0, 0.2), 0, 1))
