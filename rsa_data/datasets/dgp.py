@@ -47,7 +47,7 @@ def read_scene(path: Path) -> tuple[View, ...]:
     """
     try:
         return tuple(_views(path))
-    except (OSError, ValueError, KeyError, TypeError, IndexError, np.linalg.LinAlgError) as error:
+    except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as error:
         what = f"{type(error).__name__}: {error}"
         raise RsaDataError(
             f"ddad: {path}: expected a DGP scene with its calibration, found {what}; see the "
@@ -68,14 +68,17 @@ def _views(path: Path) -> Iterator[View]:
         for entry in entries:
             if (image := entry["datum"].get("image")) is None:
                 continue
+            size = int(image["width"]), int(image["height"])
+            if not 0 < min(size) <= max(size) < 1 << 16:
+                raise ValueError(f"an image of {size[0]} x {size[1]} px")
             world_from_camera = _transform(image["pose"])
             world_from_lidar = _transform(cloud["pose"]) if cloud else world_from_camera
             yield View(
-                camera=entry["id"]["name"],
+                camera=str(entry["id"]["name"]),
                 image=inside(image["filename"], where),
                 lidar=inside(cloud["filename"], where) if cloud else None,
-                width=int(image["width"]),
-                height=int(image["height"]),
+                width=size[0],
+                height=size[1],
                 intrinsics=cameras[entry["id"]["name"]],
                 camera_from_lidar=np.linalg.inv(world_from_camera) @ world_from_lidar,
             )
@@ -89,6 +92,8 @@ def _calibration(path: Path) -> dict[str, tuple[float, float, float, float, floa
         fx, fy, cx, cy, skew = (float(given[k]) for k in ("fx", "fy", "cx", "cy", "skew"))
         if bent := [k for k in given if k not in ("fx", "fy", "cx", "cy", "skew") and given[k]]:
             raise ValueError(f"a camera {name} with distortion ({', '.join(bent)})")
+        if not (np.isfinite((fx, fy, cx, cy, skew)).all() and min(fx, fy) >= 0):
+            raise ValueError(f"a camera {name} with fx {fx}, fy {fy}, cx {cx}, cy {cy}")
         cameras[name] = fx, fy, cx, cy, skew
     return cameras
 
@@ -108,6 +113,8 @@ def _transform(pose: dict[str, Any]) -> np.ndarray:
         ]
     )
     matrix[:3, 3] = [float(pose["translation"][axis]) for axis in "xyz"]
+    if not np.isfinite(matrix).all():
+        raise ValueError("a pose that is not finite")
     return matrix
 
 

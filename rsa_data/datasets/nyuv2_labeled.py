@@ -76,6 +76,22 @@ def unpack(root: Path) -> None:
             f"nyuv2-labeled: {root}: expected {' and '.join(missing)}, found neither that nor the "
             f"unpacked images; {guide('nyuv2-labeled')}"
         )
+    names: list[str] = []
+    for image, pixels, depth, labels in _frames(root, names):
+        _write(root / image, _png(pixels))
+        _write(root / _depth_of(image), _png(depth))
+        _write(root / "labels" / image, _png(labels))
+    text = f"first = 1\nnames = {json.dumps(names, ensure_ascii=False)}\n"
+    _write(root / _DONE, text.encode())
+
+
+def _frames(
+    root: Path, names: list[str]
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Path, RGB, depth and labels of each frame that is not unpacked yet; fills `names`.
+
+    Whatever the two files raise while they are read becomes an RsaDataError.
+    """
     with registry.extras("dataset 'nyuv2-labeled'"):
         import h5py
         import scipy.io
@@ -83,31 +99,24 @@ def unpack(root: Path) -> None:
         numbers = scipy.io.loadmat(root / _SPLITS)["testNdxs"].ravel()
         test = {int(number) - 1 for number in numbers}  # MATLAB counts from 1
         with h5py.File(root / _FRAMES) as file:
+            for i in range(file["names"].shape[1]):
+                # A hyphen would end a class name in captions.
+                names.append(_text(file, "names", i).replace("-", " "))
             for i in range(len(file["images"])):
                 split = "test" if i in test else "train"
-                _unpack_one(root, file, i, f"{split}/{_text(file, 'scenes', i)}")
-            # A hyphen would end a class name in captions.
-            count = file["names"].shape[1]
-            names = [_text(file, "names", i).replace("-", " ") for i in range(count)]
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+                image = f"{split}/{_text(file, 'scenes', i)}/rgb_{i:05d}.png"
+                if (root / "labels" / image).is_file():  # the last of the three
+                    continue
+                # Arrays lie transposed, as MATLAB stores columns first.
+                depth = np.rint(file["rawDepths"][i].T.astype(np.float64) * _PER_METRE)
+                depth = depth.clip(0, 65535).astype(np.uint16)
+                labels = file["labels"][i].T.astype(np.uint16)
+                yield image, file["images"][i].transpose(2, 1, 0), depth, labels
+    except Exception as error:  # both libraries raise kinds of their own
         raise RsaDataError(
             f"nyuv2-labeled: {root}: expected {_FRAMES} and {_SPLITS} as NYU gives them, found: "
             f"{error}; get them again, {guide('nyuv2-labeled')}"
         ) from error
-    text = f"first = 1\nnames = {json.dumps(names, ensure_ascii=False)}\n"
-    _write(root / _DONE, text.encode())
-
-
-def _unpack_one(root: Path, file: Any, i: int, folder: str) -> None:
-    """The three images of frame i. Arrays lie transposed, as MATLAB stores columns first."""
-    image = root / folder / f"rgb_{i:05d}.png"
-    label = root / "labels" / folder / image.name
-    if label.is_file():  # the last of the three
-        return
-    depth = np.rint(file["rawDepths"][i].T.astype(np.float64) * _PER_METRE)
-    _write(image, _png(file["images"][i].transpose(2, 1, 0)))
-    _write(root / _depth_of(f"{folder}/{image.name}"), _png(depth.clip(0, 65535).astype(np.uint16)))
-    _write(label, _png(file["labels"][i].T.astype(np.uint16)))
 
 
 def _text(file: Any, name: str, i: int) -> str:
