@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import RsaDataError
 from .classes import ClassTable
-from .decoding import Decoder, Outputs
+from .decoding import Decoder, Outputs, sigmoid, softmax
 from .found import Found
 from .preprocess import Geometry
 
@@ -68,6 +69,64 @@ def yolox(settings: dict[str, Any], table: ClassTable) -> Decoder:
         return _suppressed(*found, len(rows), settings["overlap_threshold"], geometry)
 
     return Decoder(decode, {"predictions": (3, 2, 5 + table.count)})
+
+
+def fastestdet(settings: dict[str, Any], table: ClassTable) -> Decoder:
+    """FastestDet: `predictions` (1, 5 + classes, h, w) = objectness, dx, dy, w, h, classes.
+
+    centre = (cell + tanh(dxy)) / grid, size = sigmoid(wh), both as shares of the input,
+    score = objectness^0.6 * class^0.4 (dog-qiuqiu/FastestDet, example/onnx-runtime).
+    """
+    threshold = settings["score_threshold"]
+
+    def decode(outputs: Outputs, geometry: Geometry) -> Found:
+        maps = outputs["predictions"][0]  # (5 + classes, h, w)
+        height, width = maps.shape[1:]
+        rows = maps.reshape(len(maps), -1).T  # (h * w, 5 + classes)
+        number = rows[:, 5:].argmax(1)  # (h * w,)
+        best = rows[np.arange(len(rows)), 5 + number]
+        score = np.maximum(rows[:, 0], 0) ** 0.6 * np.maximum(best, 0) ** 0.4
+        kept = np.flatnonzero(score > threshold)
+        cells = np.stack([kept % width, kept // width], 1)  # (n, 2)
+        center = (cells + np.tanh(rows[kept, 1:3])) / [width, height]
+        size = sigmoid(rows[kept, 3:5])
+        box = np.concatenate([center - size / 2, center + size / 2], 1)
+        box *= np.tile([geometry.input_width, geometry.input_height], 2)
+        found = box, score[kept], number[kept], kept
+        return _suppressed(*found, len(rows), settings["overlap_threshold"], geometry)
+
+    return Decoder(decode, {"predictions": (4, 1, 5 + table.count)})
+
+
+def nanodet(settings: dict[str, Any], table: ClassTable) -> Decoder:
+    """NanoDet: for each stride s, `classes_s` (1, n, classes), `boxes_s` (1, n, 4 * bins).
+
+    The distances left, top, right, bottom are the means of softmax over the bins, times s; the
+    centre of a cell is cell * s + (s - 1) / 2 (RangiLyu/nanodet, NanoDetHead).
+    """
+    strides, threshold = settings.get("strides", [8, 16, 32]), settings["score_threshold"]
+
+    def decode(outputs: Outputs, geometry: Geometry) -> Found:
+        scores = np.concatenate([outputs[f"classes_{s}"][0] for s in strides])  # (n, classes)
+        bins = np.concatenate([outputs[f"boxes_{s}"][0] for s in strides])  # (n, 4 * bins)
+        cells, stride = grid(geometry.input_height, geometry.input_width, strides)
+        if not len(scores) == len(bins) == len(cells):
+            raise RsaDataError(
+                f"nanodet: expected {len(cells)} cells for strides {strides}; found {len(scores)} "
+                f"classes and {len(bins)} boxes"
+            )
+        number = scores.argmax(1)  # (n,)
+        score = scores.max(1)
+        kept = np.flatnonzero(score > threshold)
+        shares = softmax(bins[kept].reshape(len(kept), 4, bins.shape[1] // 4))  # (k, 4, bins)
+        sides = shares @ np.arange(shares.shape[2]) * stride[kept]  # (k, 4)
+        center = cells[kept] * stride[kept] + (stride[kept] - 1) / 2
+        box = np.concatenate([center - sides[:, :2], center + sides[:, 2:]], 1)
+        found = box, score[kept], number[kept], kept
+        return _suppressed(*found, len(scores), settings["overlap_threshold"], geometry)
+
+    roles = {f"classes_{s}": (3, 2, table.count) for s in strides}
+    return Decoder(decode, roles | {f"boxes_{s}": (3, 0, 1) for s in strides})
 
 
 def _suppressed(

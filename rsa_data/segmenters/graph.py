@@ -102,6 +102,8 @@ def load(
             ) from error
         roles = dict(zip(outputs, arrays, strict=True))
         _check_arrays(roles, decoder, where, path.name, len(images))
+        if not decoder.batched:
+            return [roles]
         return [{role: a[k : k + 1] for role, a in roles.items()} for k in range(len(images))]
 
     def finish(found: dict[str, np.ndarray], geometry: Geometry) -> Segments:
@@ -111,14 +113,15 @@ def load(
         result = decoder.decode(found, geometry)
         rows = None
         if features is not None:
-            rows = _feature_rows(found["features"][0], result.candidates, where, features)
+            given = found["features"][0] if decoder.batched else found["features"]
+            rows = _feature_rows(given, result.candidates, where, features)
         return to_segments(result, geometry.width, geometry.height, table, rows, with_masks)
 
     axis = next(i.shape for i in session.get_inputs() if i.name == name)[0]
     if any(not isinstance(side, int) for o in session.get_outputs() for side in o.shape or [""]):
         # The shapes do not tell all: one empty picture does, before the first part is begun.
         finish(*_first(run, prepare(np.full((64, 64, 3), 114, np.uint8))))
-    return Detector(prepare, run, finish, batches=not isinstance(axis, int))
+    return Detector(prepare, run, finish, decoder.batched and not isinstance(axis, int))
 
 
 def _first(
@@ -132,9 +135,9 @@ def _check_inputs(
 ) -> Callable[[Sequence[Prepared]], dict[str, np.ndarray]]:
     """Raises RsaDataError unless the card fills every input; returns what fills the others."""
     inputs = {i.name: i for i in session.get_inputs()}
-    name, ones = spec.get("name"), spec.get("ones", {})
-    if name not in inputs or set(inputs) - {name} - set(ones):
-        wanted = ", ".join(filter(None, [name, *ones]))
+    name, others = spec.get("name"), spec.get("others", {})
+    if name not in inputs or set(inputs) - {name} - set(others):
+        wanted = ", ".join(filter(None, [name, *others]))
         raise RsaDataError(
             f"{where}: expected the inputs {wanted} in {file}; found {', '.join(inputs)}"
         )
@@ -155,22 +158,36 @@ def _check_inputs(
         raise RsaDataError(
             f"{where}: expected input {name} of {file} of shape {shape}; found {image.shape}"
         )
-    shapes = {
-        key: tuple(
-            f if isinstance(f, int) else o
-            for f, o in zip(inputs[key].shape[1:], shape[1:], strict=True)
-        )
-        for key, shape in ones.items()
-        if key in inputs
+    fills = {
+        key: _filler(inputs[key], what, where) for key, what in others.items() if key in inputs
     }
+    return lambda images: {key: fill(images) for key, fill in fills.items()}
 
-    def fixed(images: Sequence[Prepared]) -> dict[str, np.ndarray]:
-        return {
-            key: np.ones((len(images), *shape), _TYPES.get(inputs[key].type, np.float32))
-            for key, shape in shapes.items()
-        }
 
-    return fixed
+def _filler(
+    graph_input: Any, spec: dict[str, Any], where: str
+) -> Callable[[Sequence[Prepared]], np.ndarray]:
+    """What fills an input besides the image, by its `fill` in the card."""
+    kind = _TYPES.get(graph_input.type, np.float32)
+    fill = spec.get("fill", "")
+    if fill == "ones":
+        wanted = spec.get("shape", [1])
+        shape = tuple(
+            known if isinstance(known, int) else size
+            for known, size in zip(graph_input.shape[1:], wanted[1:], strict=True)
+        )
+        return lambda images: np.ones((len(images), *shape), kind)
+    if fill not in _FILLS:
+        raise RsaDataError(f"{where}: {registry.unknown('fill', fill, ('ones', *_FILLS))}")
+    return lambda images: np.array([_FILLS[fill](g) for _, g in images], kind)
+
+
+# Values of one image, height first: what PaddleDetection's graphs want beside the picture.
+_FILLS: dict[str, Callable[[Geometry], tuple[float, float]]] = {
+    "scale": lambda g: (g.used_height / g.height, g.used_width / g.width),
+    "input-size": lambda g: (g.used_height, g.used_width),
+    "image-size": lambda g: (g.height, g.width),
+}
 
 
 def _check_outputs(
@@ -197,7 +214,7 @@ def _check_arrays(
         what = f"{where}: output {role} of {file}"
         if role in decoder.roles:
             _check_shape(array.shape, decoder.roles[role], what)
-        if array.ndim == 0 or len(array) != batch:
+        if decoder.batched and (array.ndim == 0 or len(array) != batch):
             raise RsaDataError(f"{what}: expected a batch of {batch}; found shape {array.shape}")
 
 

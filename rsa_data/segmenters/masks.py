@@ -74,3 +74,29 @@ def _taps(size: int, wanted: int, used: float) -> tuple[np.ndarray, np.ndarray, 
     where = np.clip(where, 0, size - 1)
     first = where.astype(np.int64)
     return first, np.minimum(first + 1, size - 1), (where - first).astype(np.float32)
+
+
+def paste(mask: np.ndarray, box: np.ndarray, height: int, width: int) -> np.ndarray:
+    """A mask that covers its box, in an image: float32 (height, width), bilinear, 0 outside.
+
+    mask : float32 (h, w).  box : x1 y1 x2 y2, px of the image.
+    As detectron2's paste_masks_in_image: the mask's border fades out over half its pixel.
+    """
+    x1, y1, x2, y2 = (float(side) for side in box)
+    if not (x2 > x1 and y2 > y1):
+        return np.zeros((height, width), np.float32)
+    framed = np.pad(mask, 1)
+    top, bottom, y = _box_taps(mask.shape[0], height, y1, y2)
+    left, right, x = _box_taps(mask.shape[1], width, x1, x2)
+    rows = framed[top] + (framed[bottom] - framed[top]) * y[:, None]  # (height, w + 2)
+    return rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
+
+
+def _box_taps(
+    size: int, wanted: int, low: float, high: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `_taps`, into a mask with a frame of zeros, whose inside lies from `low` to `high`."""
+    where = (np.arange(wanted) + 0.5 - low) / (high - low) * size - 0.5 + 1
+    where = np.clip(where, 0, size + 1)
+    first = where.astype(np.int64)
+    return first, np.minimum(first + 1, size + 1), (where - first).astype(np.float32)

@@ -40,8 +40,10 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
 
     resize : letterbox (aspect kept, padded right and below), stretch, shortest (the short side
         becomes `shortest` unless the long one would pass `longest`).
-    size : [height, width] px for letterbox and stretch; pad : value of the padding, 0 to 255.
+    size : [height, width] px for letterbox and stretch.
     multiple : both sides are stretched up to a multiple of it (shortest only).
+    pad_multiple : both sides are padded to a multiple of it, right and below (shortest only).
+    pad : value of the padding, 0 to 255; without it, padding is 0 in the tensor.
     resample : opencv or pillow, bilinear; Pillow's also averages when it shrinks.
     colour : RGB or BGR.  layout : NCHW or NHWC.
     scale : factor on the 0 to 255 values; then `mean` is taken off and `std` divides, by channel
@@ -66,22 +68,23 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
     std = np.array(spec.get("std", [1.0] * 3), np.float64)
     factor = (spec.get("scale", 1.0) / std).astype(np.float32)
     offset = (-np.array(spec.get("mean", [0.0] * 3), np.float64) / std).astype(np.float32)
-    plain = bool(np.all(factor == 1) and np.all(offset == 0))
+    padding = np.float32(spec["pad"]) * factor + offset if "pad" in spec else np.zeros(3)
 
     def prepare(image: np.ndarray) -> tuple[np.ndarray, Geometry]:
-        pixels, geometry = resize(image)  # (h, w, 3)
+        pixels, geometry = resize(image)  # (h, w, 3), the part that is not padding
         if bgr:
             pixels = pixels[:, :, ::-1]
+        values = np.empty((geometry.input_height, geometry.input_width, 3), np.float32)
         if not nhwc:
-            pixels = pixels.transpose(2, 0, 1)  # (3, h, w)
-        values = np.empty((1, *pixels.shape), np.float32)
-        if plain:
-            values[0] = pixels
-        else:
-            shape = (1, 1, 3) if nhwc else (3, 1, 1)
-            np.multiply(pixels, factor.reshape(shape), out=values[0])
-            values[0] += offset.reshape(shape)
-        return values, geometry
+            values = np.empty((3, *values.shape[:2]), np.float32).transpose(1, 2, 0)
+        used = values[: geometry.used_height, : geometry.used_width]
+        if used.shape != values.shape:
+            values[:] = padding
+        for channel in range(3):
+            np.multiply(pixels[:, :, channel], factor[channel], out=used[:, :, channel])
+            if offset[channel]:
+                used[:, :, channel] += offset[channel]
+        return (values if nhwc else values.transpose(2, 0, 1))[None], geometry
 
     return prepare
 
@@ -108,7 +111,7 @@ def _interpolate(image: np.ndarray, width: int, height: int, resample: str) -> n
 
 def _letterbox(spec: dict[str, Any]) -> Preprocess:
     height, width = spec["size"]
-    resample, pad = spec.get("resample", "opencv"), spec.get("pad", 114)
+    resample = spec.get("resample", "opencv")
 
     def resize(image: np.ndarray) -> tuple[np.ndarray, Geometry]:
         h, w = image.shape[:2]
@@ -116,9 +119,8 @@ def _letterbox(spec: dict[str, Any]) -> Preprocess:
         used_h, used_w = int(h * ratio), int(w * ratio)
         if not used_h or not used_w:
             raise RowError(f"image of {w} x {h} px: too narrow to be shown in {width} x {height}")
-        canvas = np.full((height, width, 3), pad, np.uint8)
-        canvas[:used_h, :used_w] = _interpolate(image, used_w, used_h, resample)
-        return canvas, Geometry(w, h, used_w, used_h, width, height)
+        pixels = _interpolate(image, used_w, used_h, resample)
+        return pixels, Geometry(w, h, used_w, used_h, width, height)
 
     return resize
 
@@ -136,7 +138,8 @@ def _stretch(spec: dict[str, Any]) -> Preprocess:
 
 
 def _shortest(spec: dict[str, Any]) -> Preprocess:
-    short, longest, multiple = spec["shortest"], spec["longest"], spec.get("multiple", 1)
+    short, longest = spec["shortest"], spec["longest"]
+    multiple, pad_multiple = spec.get("multiple", 1), spec.get("pad_multiple", 1)
     resample = spec.get("resample", "opencv")
 
     def resize(image: np.ndarray) -> tuple[np.ndarray, Geometry]:
@@ -146,7 +149,8 @@ def _shortest(spec: dict[str, Any]) -> Preprocess:
         if not height or not width:
             raise RowError(f"image of {w} x {h} px: too narrow, a side would become 0 px")
         pixels = _interpolate(image, width, height, resample)
-        return pixels, Geometry(w, h, width, height, width, height)
+        full_h, full_w = (-(-side // pad_multiple) * pad_multiple for side in (height, width))
+        return pixels, Geometry(w, h, width, height, full_w, full_h)
 
     return resize
 

@@ -1,15 +1,48 @@
-"""Decoder of models that answer with queries, each a class and a mask: panoptic segments."""
+"""Decoders of models that answer with queries: each a class, and a box or a mask."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ..registry import unknown
 from . import masks
 from .classes import ClassTable
-from .decoding import Decoder, Outputs
+from .decoding import Decoder, Outputs, sigmoid, softmax
 from .found import Found
 from .preprocess import Geometry
+
+
+def detr(settings: dict[str, Any], table: ClassTable) -> Decoder:
+    """DETR and its kin: `classes` (1, q, c) logits, `boxes` (1, q, 4) = cx, cy, w, h as shares.
+
+    score : softmax, the last class being none: the best class of each query (DETR, YOLOS);
+        sigmoid: the q best of all (query, class), so that a query may stand twice (RT-DETR,
+        D-FINE). As transformers' post_process_object_detection does.
+    """
+    kind, threshold = settings["score"], settings["score_threshold"]
+    if kind not in ("softmax", "sigmoid"):
+        raise unknown("score", kind, ("softmax", "sigmoid"))
+
+    def decode(outputs: Outputs, geometry: Geometry) -> Found:
+        logits = outputs["classes"][0].astype(np.float32)  # (q, c)
+        queries, classes = logits.shape
+        if kind == "softmax":
+            shares = softmax(logits)[:, :-1]
+            score, number, query = shares.max(1), shares.argmax(1), np.arange(queries)
+        else:
+            shares = sigmoid(logits).ravel()  # (q * c,)
+            order = np.argsort(-shares, kind="stable")[:queries]
+            score, number, query = shares[order], order % classes, order // classes
+        kept = score > threshold
+        score, number, query = score[kept], number[kept], query[kept]
+        center, size = np.split(outputs["boxes"][0, query].astype(np.float32), 2, axis=1)
+        box = np.concatenate([center - size / 2, center + size / 2], 1)
+        box = geometry.to_image(box * np.tile([geometry.input_width, geometry.input_height], 2))
+        return Found(number, score, box, query=query, candidates=queries)
+
+    none = 1 if kind == "softmax" else 0
+    return Decoder(decode, {"classes": (3, 2, table.count + none), "boxes": (3, 2, 4)})
 
 
 def panoptic(settings: dict[str, Any], table: ClassTable) -> Decoder:
@@ -92,7 +125,10 @@ def _scores(kind: str) -> Callable[[np.ndarray, float], tuple[np.ndarray, ...]]:
         # The published settings sharpen the score after the threshold: temperature 0.06.
         return softmax(single / 0.06).max(1), single.argmax(1), single.max(1) > threshold
 
-    return {"softmax": softmax_with_none, "maskdino": maskdino}[kind]
+    kinds = {"softmax": softmax_with_none, "maskdino": maskdino}
+    if kind not in kinds:
+        raise unknown("score", kind, kinds)
+    return kinds[kind]
 
 
 def _resized(values: np.ndarray, geometry: Geometry, settings: dict[str, Any]) -> np.ndarray:
@@ -111,14 +147,3 @@ def _resized(values: np.ndarray, geometry: Geometry, settings: dict[str, Any]) -
     )
     values = masks.resize(values, geometry.height, geometry.width, used)
     return sigmoid(values) if when == "last" else values
-
-
-def sigmoid(values: np.ndarray) -> np.ndarray:
-    """1 / (1 + exp(-x)), without overflow."""
-    return 0.5 * (1 + np.tanh(0.5 * values))
-
-
-def softmax(values: np.ndarray) -> np.ndarray:
-    """Softmax over the last axis."""
-    values = np.exp(values - values.max(-1, keepdims=True))
-    return values / values.sum(-1, keepdims=True)
