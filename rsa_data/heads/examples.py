@@ -94,7 +94,7 @@ def read_part(work: Work, source: Source, number: int, dataset: int) -> Examples
     starts = np.concatenate([[0], np.cumsum(counts)])
     return Examples(
         features=tables.embedding_array(embeddings),
-        texts=rows[order][_ranges(starts[good], counts[good])],
+        texts=rows[order][ranges(starts[good], counts[good])],
         first=np.concatenate([[0], np.cumsum(counts[good])]),
         relative=_pixels(depth["relative"])[measured[good]],
         metric=_pixels(depth["metric"])[measured[good]],
@@ -112,7 +112,7 @@ def select(examples: Examples, keep: np.ndarray, variants: int | None = None) ->
     keep = np.flatnonzero(keep) if keep.dtype == bool else keep
     counts = np.diff(examples.first)[keep]
     counts = counts if variants is None else np.minimum(counts, variants)
-    texts = examples.texts[_ranges(examples.first[keep], counts)]
+    texts = examples.texts[ranges(examples.first[keep], counts)]
     used, texts = np.unique(texts, return_inverse=True)
     return Examples(
         features=examples.features[used],
@@ -151,7 +151,7 @@ def _find(values: pa.ChunkedArray, among: pa.ChunkedArray) -> np.ndarray:
     return pc.fill_null(found, -1).to_numpy(zero_copy_only=False).astype(np.int64)
 
 
-def _ranges(starts: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def ranges(starts: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """start, start + 1, ... of each range, one after another: int64 (sum of counts,)."""
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

@@ -2,6 +2,7 @@
 
 import io
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,10 @@ from .examples import Source
 from .fit import Settings, State, begin, fit
 from .training import Trained
 from .windows import Windows
+
+
+# Options that never change what comes out.
+_LOCAL = ("memory", "checkpoint_every")
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class Plan:
             "stage": "train-head",
             "schema": "history",
             "version": 1,
-            "options": {k: v for k, v in self.options.items() if k != "memory"},
+            "options": {k: v for k, v in self.options.items() if k not in _LOCAL},
             "inputs": self.digests,
         }
 
@@ -83,9 +88,14 @@ def run(work: Work, plan: Plan, bar: Callable[[str, int], Any] | None, start_ove
     if shown:
         shown.update(len(state.history) * examples.total)
 
+    written = time.monotonic()
+
     def after_epoch(state: State) -> None:
-        failpoint("checkpoint")
-        store.write(f"{folder}/checkpoint.safetensors", _checkpoint(state, identity))
+        nonlocal written
+        if time.monotonic() - written >= options["checkpoint_every"]:
+            failpoint("checkpoint")
+            store.write(f"{folder}/checkpoint.safetensors", _checkpoint(state, identity))
+            written = time.monotonic()
 
     state = fit(
         network,
@@ -154,7 +164,7 @@ def describe(
             }
             for i, name in enumerate(names)
         },
-        "options": plan.options,
+        "options": {k: v for k, v in plan.options.items() if k not in _LOCAL},
         "validation": {
             "epoch": state.best_epoch,
             "abs_rel": {names[d]: value for d, value in best["errors"].items()},

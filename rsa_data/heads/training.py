@@ -67,6 +67,7 @@ def train_head(
     patience: int = 0,
     precision: Literal["float32", "bfloat16"] = "float32",
     memory: float = 4.0,
+    checkpoint_every: float = 20.0,
     threads: int = 2,
     seed: int = 0,
     start_over: bool = False,
@@ -107,6 +108,8 @@ def train_head(
     patience : stop after so many epochs without a better validation error; 0 runs them all.
     precision : of the matrix products; bfloat16 is faster where the processor has it.
     memory : GiB of examples held at once; larger tables are read in windows of parts every epoch.
+    checkpoint_every : seconds of work that a kill may lose; at the end of an epoch the state is
+        written when the last time is that long ago.
     threads : CPU threads; they can change the last bits of the weights.
     seed : of the first weights and of everything that is drawn.
     start_over : throw away the head of this name, finished or not, and train anew.

@@ -1,0 +1,207 @@
+"""train-head: what it learns, what it refuses, and that a kill changes nothing."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from made_tables import DEPTH, ENCODER, write
+
+from rsa_data import ScaleHead
+from rsa_data.errors import RsaDataError, UsageError
+from rsa_data.heads.training import train_head
+from rsa_data.parts import Work
+
+FAST = {"epochs": 6, "batch": 32, "pixels": 32, "threads": 1}
+
+
+def toy(work: Work, dataset: str, n: int = 120, size: float = 1.0, rooms: int = 12, **more):
+    """n images of 6 kinds of room, whose words tell scale and shift; two variants a caption."""
+    rng = np.random.default_rng(len(dataset))
+    kind = rng.integers(6, size=n)
+    vectors = {f"{word} {k}": rng.normal(size=16) for k in range(6) for word in ("a", "one")}
+    scale, shift = (0.02 + 0.02 * kind) / size, (0.05 + 0.05 * kind) / size
+    y = rng.uniform(0, 10, (n, 64))
+    arrays = {
+        "scenes": [f"room {i % rooms}" for i in range(n)],
+        "texts": [[f"a {k}", f"one {k}"] for k in kind],
+        "features": {text: v.astype(np.float16) for text, v in vectors.items()},
+        "relative": y,
+        "metric": 1 / (scale[:, None] * y + shift[:, None]),
+    }
+    write(work, dataset, part=50, **arrays | more)
+
+
+@pytest.fixture
+def work(tmp_path) -> Work:
+    return Work(tmp_path / "work")
+
+
+def contents(work: Work, name: str = "head") -> dict[str, bytes]:
+    folder = work.store.folder / "heads" / name
+    return {f.name: f.read_bytes() for f in sorted(folder.iterdir())}
+
+
+def test_it_learns_what_the_words_tell_in_rooms_and_streets_at_once(work):
+    toy(work, "nyuv2")
+    toy(work, "kitti", size=6.0)
+    trained = train_head(work, **FAST | {"epochs": 60, "batch": 16})
+    errors = trained.description["validation"]["abs_rel"]
+    assert errors["nyuv2"] < 0.05 and errors["kitti"] < 0.05
+    head = ScaleHead.load(trained.path)
+    rows = work.table("nyuv2", "embeddings/occupancy/minilm").read(0)
+    from rsa_data.tables import embedding_array
+
+    scale, shift = head(embedding_array(rows))
+    assert scale.shape == shift.shape == (len(rows),) and scale.dtype == np.float32
+    history = pq.read_table(work.store.folder / "heads/head/history.parquet").to_pylist()
+    assert [row["epoch"] for row in history if row["dataset"] == "kitti"] == list(range(1, 61))
+    best = [row for row in history if row["best"]]
+    assert {row["dataset"]: row["val_abs_rel"] for row in best} == errors
+
+
+def test_head_json_says_what_the_head_was_made_of(work):
+    toy(work, "nyuv2", failed=(3,))
+    description = train_head(work, **FAST).description
+    assert json.loads(contents(work)["head.json"]) == description
+    assert description["features"] == {
+        "style": "occupancy",
+        "encoder": "minilm",
+        "options": {"encoder": "minilm", "normalize": False},
+        "files": {},
+        "stage_version": 1,
+        "dim": 16,
+    }
+    used = description["datasets"]["nyuv2"]
+    assert used["images"] + used["validation_images"] == 119 and used["left_out"] == 1
+    assert used["validation"] == "2 of 12 scenes"
+    assert set(used["tables"]) == {
+        "samples",
+        "captions/occupancy",
+        "embeddings/occupancy/minilm",
+        "depth/files",
+    }
+    assert description["depth_model"]["geometry"] == {"nyuv2": {"geometry": None, "crop": "none"}}
+
+
+def test_the_same_seed_gives_the_same_bytes_and_a_finished_head_is_left_alone(work):
+    toy(work, "nyuv2")
+    train_head(work, name="a", **FAST)
+    train_head(work, name="b", **FAST)
+    assert contents(work, "a") == contents(work, "b")
+    before = contents(work, "a")
+    assert train_head(work, name="a", **FAST).description == json.loads(before["head.json"])
+    train_head(work, name="c", **FAST, seed=1)
+    assert contents(work, "c")["head.safetensors"] != before["head.safetensors"]
+
+
+@pytest.mark.parametrize("moment", ["checkpoint:1", "checkpoint:4", "rename:5", "write:9"])
+def test_a_killed_training_goes_on_to_the_same_bytes(work, moment):
+    toy(work, "nyuv2")
+    train_head(work, name="whole", **FAST)
+    code = (
+        "import sys; from rsa_data.heads.training import train_head; from rsa_data.parts import Work\n"
+        f"train_head(Work({work.store.location!r}), name='killed', checkpoint_every=0, **{FAST!r})"
+    )
+    env = {**os.environ, "RSA_DATA_FAILPOINT": moment}
+    died = subprocess.run([sys.executable, "-c", code], env=env, timeout=120)
+    assert died.returncode == -9
+    train_head(work, name="killed", **FAST)
+    assert contents(work, "killed") == contents(work, "whole")
+
+
+def test_windows_of_a_small_memory_see_every_image_once_an_epoch(work):
+    toy(work, "nyuv2")
+    toy(work, "kitti", size=6.0)
+    trained = train_head(work, memory=1e-5, **FAST | {"epochs": 40})
+    used = trained.description["datasets"]
+    assert used["nyuv2"]["images"] + used["nyuv2"]["validation_images"] == 120
+    assert max(trained.description["validation"]["abs_rel"].values()) < 0.15
+
+
+@pytest.mark.parametrize("loss", ["huber", "log-l1", "silog"])
+@pytest.mark.parametrize("supervision", ["depth", "both"])
+def test_every_loss_learns(work, loss, supervision):
+    toy(work, "nyuv2")
+    trained = train_head(
+        work, loss=loss, supervision=supervision, optimizer="adamw", **FAST | {"epochs": 40}
+    )
+    assert trained.description["validation"]["abs_rel"]["nyuv2"] < 0.12
+
+
+def test_patience_stops_early_and_keeps_the_best(work):
+    toy(work, "nyuv2")
+    description = train_head(work, **FAST | {"epochs": 200}, patience=3).description
+    assert description["epochs_run"] < 200
+    assert description["epochs_run"] - description["validation"]["epoch"] == 3
+
+
+def test_one_scene_is_refused_unless_told_to_split_it(work):
+    toy(work, "nyuv2", rooms=1)
+    with pytest.raises(
+        UsageError, match=r"all 120 training images are of one scene.*--split-scene"
+    ):
+        train_head(work, **FAST)
+    used = train_head(work, split_scene=True, **FAST).description["datasets"]["nyuv2"]
+    assert used["validation_images"] == 12 and "one block" in used["validation"]
+
+
+def test_test_splits_are_never_read(work):
+    toy(work, "nyuv2", split="test")
+    with pytest.raises(RsaDataError, match="found only the test splits test"):
+        train_head(work, **FAST)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"encoder": ENCODER | {"normalize": True}}, "options is .*normalize"),
+        ({"depth": DEPTH | {"files_hold": "depth"}}, "options is .*files_hold"),
+    ],
+    ids=["encoder", "depth"],
+)
+def test_tables_that_do_not_belong_together_are_refused(work, more, message):
+    toy(work, "nyuv2")
+    toy(work, "kitti", **more)
+    with pytest.raises(RsaDataError, match=message):
+        train_head(work, **FAST)
+    assert train_head(work, datasets=("kitti",), **FAST).description["datasets"].keys() == {"kitti"}
+
+
+def test_a_head_of_other_options_is_not_overwritten(work):
+    toy(work, "nyuv2")
+    train_head(work, **FAST)
+    before = contents(work)
+    with pytest.raises(RsaDataError, match=r"options.seed: the table has 0, this run has 1"):
+        train_head(work, **FAST, seed=1)
+    assert contents(work) == before
+    train_head(work, **FAST, seed=1, start_over=True)
+    assert contents(work) != before
+
+
+def test_captions_made_again_since_are_noticed(work):
+    toy(work, "nyuv2")
+    table = work.table("nyuv2", "captions/occupancy")
+    receipt = {k: table.receipt(1)[k] for k in ("ok", "failed", "skipped", "split")}
+    table.commit(1, table.read(1).slice(2), receipt)
+    with pytest.raises(
+        RsaDataError, match="minilm part 1 was made from another captions/occupancy"
+    ):
+        train_head(work, **FAST)
+
+
+def test_missing_tables_say_what_to_run(work):
+    with pytest.raises(RsaDataError, match="no dataset there yet"):
+        train_head(work)
+    toy(work, "nyuv2")
+    with pytest.raises(
+        RsaDataError, match="no such embeddings table. Make it first: rsa-data embed"
+    ):
+        train_head(work, encoder="clip-rn50")
+    with pytest.raises(UsageError, match="unknown dataset in this work dir 'nyu'"):
+        train_head(work, datasets=("nyu",))
+    with pytest.raises(UsageError, match="unknown head 'mlp'"):
+        train_head(work, head="mlp")
