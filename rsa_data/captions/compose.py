@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache, partial
+from itertools import count
 
 import numpy as np
 import pyarrow as pa
@@ -39,6 +40,9 @@ class Recipe:
     domain: augment.Domain
 
 
+# Times that a budget is widened where the tables overestimate.
+_LOOSENED = 8
+
 Columns = dict[str, pa.Array | np.ndarray]
 
 
@@ -48,11 +52,7 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table, np.ndarray, list[s
     The images of a block times the variants are at most choose.CAPTIONS_A_BLOCK; all rows are ok.
     """
     tokenizer, wording = recipe.tokenizer, recipe.wording
-
-    @cache
-    def tokens(strings: tuple[str, ...]) -> np.ndarray:
-        """int32: tokens of each string by itself, without start and end tokens."""
-        return tokenizer.count(strings) - tokenizer.specials
+    tokens = partial(_tokens, tokenizer)
 
     @cache
     def adds_up(name: str) -> bool:
@@ -71,8 +71,10 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table, np.ndarray, list[s
         plain[0] = True
         opening, of_image = _openings(wording, samples)
         if recipe.replace or recipe.insert:
-            wrong = np.arange(len(names), len(names) + len(augment.CLASSES[recipe.domain]))
-            names = names + list(augment.CLASSES[recipe.domain])
+            numbers = {name: number for number, name in enumerate(names)}
+            classes = augment.CLASSES[recipe.domain]
+            wrong = np.array([numbers.setdefault(name, len(numbers)) for name in classes])
+            names = list(numbers)
             found = augment.with_wrong_objects(
                 found, keys, plain, wrong, recipe.replace, recipe.insert
             )
@@ -92,7 +94,7 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table, np.ndarray, list[s
         budget = np.full(keys.shape, recipe.limit, np.int32)
         delete = _delete(found, recipe)
 
-        def attempt() -> tuple[Chosen, pa.Array]:
+        def attempt(budget: np.ndarray) -> tuple[Chosen, pa.Array]:
             chosen = choose(
                 found.first, cost, around, budget, keys, plain, delete, int(last - comma)
             )
@@ -106,29 +108,38 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table, np.ndarray, list[s
                 NOTHING,
             )
 
-        chosen, text = attempt()
+        chosen, text = attempt(budget)
         none = np.ones(len(text), bool)
         none[chosen.caption[chosen.object >= 0]] = False
         if tokenizer.additive and all(adds_up(w.name) and adds_up(w.plural) for w in words):
             n_tokens = np.where(none, nothing + tokenizer.specials, chosen.n_tokens)
         else:
-            # Tables only estimate: count the texts, and tighten the budget of those too long.
-            while True:
+            # Tables only estimate: count the texts, and correct the budget by what they were off.
+            passed = np.zeros(len(text), bool)
+            for attempts in count():
                 n_tokens = tokenizer.count(text.to_pylist())
-                over = np.flatnonzero((n_tokens > recipe.limit) & ~none)
-                if not len(over):
+                over = (n_tokens > recipe.limit) & ~none
+                passed |= over
+                better = recipe.limit + chosen.n_tokens - n_tokens
+                now = budget.T.ravel()
+                tighter = np.where(over, np.minimum(better, now - 1), now)
+                looser = ~passed & (better > now) & (attempts < _LOOSENED)
+                after = np.where(looser, better, tighter)
+                if (after == now).all():
                     break
-                image, variant = np.divmod(over, len(keys))
-                budget[variant, image] = np.minimum(
-                    budget[variant, image] - 1,
-                    chosen.n_tokens[over] - (n_tokens[over] - recipe.limit),
-                )
-                chosen, text = attempt()
+                budget = np.ascontiguousarray(after.reshape(budget.shape[::-1]).T)
+                chosen, text = attempt(budget)
                 none[:] = True
                 none[chosen.caption[chosen.object >= 0]] = False
         return {"text": text, "n_tokens": n_tokens, **_kept(found, chosen, len(text), len(keys))}
 
     return block
+
+
+@lru_cache(maxsize=256)
+def _tokens(tokenizer: Tokenizer, strings: tuple[str, ...]) -> np.ndarray:
+    """int32: tokens of each string by itself, without start and end tokens."""
+    return tokenizer.count(strings) - tokenizer.specials
 
 
 def _openings(wording: Wording, samples: pa.Table) -> tuple[tuple[str, ...], np.ndarray]:

@@ -19,6 +19,7 @@ from .columns import caption_table
 from .compose import Recipe, composer, empty_columns
 from .objects import Which
 from .styles import Wording
+from .words import clean
 
 _MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
@@ -167,7 +168,12 @@ def _ok(segments: pa.Table, samples: pa.Table) -> tuple[pa.Table, pa.Table]:
 
 
 def _labels(segments: pa.Table) -> tuple[np.ndarray, list[str]]:
-    """A number for each segment's class, and the classes by number."""
+    """A number for each segment's class, and the names of the classes by number.
+
+    Labels that are written alike (wall-brick, wall-tile) are one class.
+    """
     flat = pa.chunked_array([pc.list_flatten(c) for c in segments["label"].chunks], pa.string())
     coded = flat.combine_chunks().dictionary_encode()
-    return coded.indices.to_numpy(), coded.dictionary.to_pylist()
+    numbers: dict[str, int] = {}
+    of_label = [numbers.setdefault(clean(x), len(numbers)) for x in coded.dictionary.to_pylist()]
+    return np.array(of_label, np.int32)[coded.indices.to_numpy()], list(numbers)

@@ -1,0 +1,169 @@
+"""Class names as English: cleaned, articles, plurals."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsa_data.captions.words import clean, number_word, word
+
+
+@pytest.mark.parametrize(
+    ("label", "name"),
+    [
+        ("traffic light", "traffic light"),
+        ("aerosol_can", "aerosol can"),
+        ("bow_(decorative_ribbons)", "bow"),
+        ("speaker_(stero_equipment)", "speaker"),
+        ("a_(b_(c)_d)_e", "a e"),
+        ("cut_(off", "cut"),
+        ("wall-brick", "wall"),
+        ("sky-other-merged", "sky"),
+        ("door-stuff", "door"),
+        ("window-blind", "window"),
+        ("playingfield", "playing field"),
+        ("hot-air_balloon", "hot-air balloon"),
+        ("building;edifice", "building"),
+        ("sofa, couch, lounge", "sofa"),
+        ("windowpane, window ", "windowpane"),
+        ("monitor_(computer_equipment) computer_monitor", "computer monitor"),
+        ("  two\twords\n", "two words"),
+        ("nul\x00l", "nul l"),
+        ("लड़की", "लड़की"),
+        ("漢字", "漢字"),
+        ("'quoted'.", "quoted"),
+        ("", "object"),
+        ("___", "object"),
+        ("(gloss)", "object"),
+    ],
+)
+def test_clean(label, name):
+    assert clean(label) == name
+
+
+@pytest.mark.parametrize(
+    ("label", "one", "several"),
+    [
+        ("bed", "a bed", "beds"),
+        ("orange", "an orange", "oranges"),
+        ("umbrella", "an umbrella", "umbrellas"),
+        ("unicycle", "a unicycle", "unicycles"),
+        ("urinal", "a urinal", "urinals"),
+        ("hourglass", "an hourglass", "hourglasses"),
+        ("urn", "an urn", "urns"),
+        ("iPod", "an iPod", "iPods"),
+        ("tv", "a tv", "tvs"),
+        ("CD_player", "a CD player", "CD players"),
+        ("stairs", "stairs", "stairs"),
+        ("skis", "skis", "skis"),
+        ("scissors", "scissors", "pairs of scissors"),
+        ("trousers", "trousers", "pairs of trousers"),
+        ("sunglasses", "sunglasses", "pairs of sunglasses"),
+        ("wine glass", "a wine glass", "wine glasses"),
+        ("knife", "a knife", "knives"),
+        ("shelf", "a shelf", "shelves"),
+        ("roof", "a roof", "roofs"),
+        ("handkerchief", "a handkerchief", "handkerchiefs"),
+        ("person", "a person", "people"),
+        ("snowman", "a snowman", "snowmen"),
+        ("ottoman", "an ottoman", "ottomans"),
+        ("sheep", "a sheep", "sheep"),
+        ("goose", "a goose", "geese"),
+        ("mouse", "a mouse", "mice"),
+        ("die", "a die", "dice"),
+        ("bus", "a bus", "buses"),
+        ("banjo", "a banjo", "banjos"),
+        ("burrito", "a burrito", "burritos"),
+        ("potato", "a potato", "potatoes"),
+        ("chest of drawers", "a chest of drawers", "chests of drawers"),
+        ("drawer", "a drawer", "drawers"),
+        ("bell_pepper", "a bell pepper", "bell peppers"),
+        ("brussels_sprouts", "brussels sprouts", "brussels sprouts"),
+        ("grass-merged", "grass", "areas of grass"),
+        ("water-other", "water", "areas of water"),
+        ("broccoli", "broccoli", "pieces of broccoli"),
+        ("orange_juice", "orange juice", "portions of orange juice"),
+        ("first-aid_kit", "a first-aid kit", "first-aid kits"),
+        ("flip-flop_(sandal)", "a flip-flop", "flip-flops"),
+        ("Street Lights", "Street Lights", "Street Lights"),
+    ],
+)
+def test_one_and_several(label, one, several):
+    found = word(label)
+    assert (found.article + found.name, found.plural) == (one, several)
+
+
+@pytest.mark.parametrize(("number", "text"), [(2, "two"), (17, "seventeen"), (21, "twenty-one")])
+def test_number_word(number, text):
+    assert number_word(number) == text
+
+
+def categories(folder):
+    coco = json.loads((folder / "panoptic_coco_categories.json").read_text())
+    lvis = json.loads((folder / "lvis_v1_train_cat_info.json").read_text())
+    ade = (folder / "objectInfo150.txt").read_text().splitlines()[1:]
+    return {
+        "coco": [c["name"] for c in coco],
+        "lvis": [c["name"] for c in lvis],
+        "ade20k": [line.split("\t")[4] for line in ade],
+    }
+
+
+# Every class whose plural is not the name and an s, read by eye.
+IRREGULAR_COCO = {
+    "person": "people", "bus": "buses", "bench": "benches", "sheep": "sheep", "skis": "skis",
+    "wine glass": "wine glasses", "knife": "knives", "sandwich": "sandwiches",
+    "broccoli": "pieces of broccoli", "couch": "couches", "mouse": "mice",
+    "scissors": "pairs of scissors", "toothbrush": "toothbrushes",
+    "cardboard": "pieces of cardboard", "gravel": "areas of gravel", "sand": "areas of sand",
+    "shelf": "shelves", "snow": "areas of snow", "stairs": "stairs", "water": "areas of water",
+    "sky": "skies", "grass": "areas of grass", "dirt": "areas of dirt", "food": "portions of food",
+}  # fmt: skip
+IRREGULAR_ADE = {
+    "sky": "skies", "grass": "areas of grass", "person": "people", "earth": "areas of earth",
+    "water": "areas of water", "shelf": "shelves", "box": "boxes",
+    "chest of drawers": "chests of drawers", "sand": "areas of sand", "stairs": "stairs",
+    "bench": "benches", "bus": "buses", "apparel": "pieces of apparel", "land": "areas of land",
+    "canopy": "canopies", "food": "portions of food", "glass": "glasses",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("source", "count", "irregular"),
+    [("coco", 133, IRREGULAR_COCO), ("ade20k", 150, IRREGULAR_ADE)],
+)
+def test_all_plurals_of_a_list(shared, source, count, irregular):
+    labels = categories(shared / "categories")[source]
+    assert len(labels) == count
+    words = [word(label) for label in labels]
+    assert {w.name: w.plural for w in words if w.plural != w.name + "s"} == irregular
+
+
+def test_all_lvis_names_are_words(shared):
+    labels = categories(shared / "categories")["lvis"]
+    assert len(labels) == 1203
+    for label in labels:
+        found = word(label)
+        assert not set("_()") & set(found.name + found.plural), label
+        assert found.article in ("a ", "an ", "")
+
+
+def test_lvis_articles_differ_from_the_letter_where_the_sound_does(shared):
+    words = [word(label) for label in categories(shared / "categories")["lvis"]]
+    vowels = "aeiouAEIOU"
+    odd = {
+        w.article + w.name
+        for w in words
+        if w.article and (w.article == "an ") != (w.name[0] in vowels)
+    }
+    assert odd == {"an hourglass", "a unicycle", "a urinal"}
+
+
+@given(st.text(max_size=80))
+def test_any_label_has_words(label):
+    found = word(label)
+    assert found.name and found.plural
+    assert clean(found.name) == found.name
+    assert found.name.isprintable()
+    assert word(found.name) == found
