@@ -127,11 +127,20 @@ def digest(table: pa.Table) -> str:
     for field in table.schema:
         metadata = sorted((field.metadata or {}).items())
         metadata = [(k, v) for k, v in metadata if not k.startswith(b"PARQUET:")]
-        sha.update(repr((field.name, str(field.type), metadata, len(table))).encode())
+        sha.update(repr((field.name, type_text(field.type), metadata, len(table))).encode())
         column = table[field.name]
         array = column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
         _digest_array(sha, array)
     return sha.hexdigest()
+
+
+def type_text(kind: pa.DataType) -> str:
+    """A type as schemas/ write it. Arrow's own text names a list's field, which Parquet renames."""
+    if pa.types.is_list(kind):
+        return f"list<{type_text(kind.value_type)}>"
+    if pa.types.is_fixed_size_list(kind):
+        return f"{type_text(kind.value_type)}[{kind.list_size}]"
+    return str(kind)
 
 
 def _digest_array(sha: Any, array: pa.Array) -> None:

@@ -1,0 +1,66 @@
+"""A work dir with samples and segments made in memory, for tests of how stages run."""
+
+from rsa_data import stages, tables
+from rsa_data.parts import Work
+from rsa_data.stages import Job
+
+LABELS = ("bed", "chair", "lamp", "picture", "wall", "window")
+
+
+def made(location: object, parts: int = 4, rows: int = 50, first: int = 0) -> Work:
+    """`parts` parts of `rows` samples of the dataset rooms, with segments/labels."""
+    work = Work(str(location))
+    samples, segments = (work.table("rooms", name) for name in ("samples", "segments/labels"))
+    about = {"stage_version": 1, "options": {"dataset": "folder"}, "files": {}}
+    samples.bind({"stage": "index", "schema": "samples", "inputs": [], **about})
+    segments.bind({"stage": "detect", "schema": "segments", "inputs": ["samples"], **about})
+    counts = {"ok": rows, "failed": 0, "skipped": 0, "split": "train"}
+    for number in range(first, first + parts):
+        ids = [f"rooms/train/{number:03d}/{row:05d}" for row in range(rows)]
+        done = samples.commit(number, sample_rows(ids), {**counts, "fingerprint": f"{number}"})
+        made_from = {"inputs": {"samples": done["digest"]}, "fingerprint": f"{number}"}
+        segments.commit(number, segment_rows(ids), {**counts, **made_from})
+    samples.manifest(samples.parts())
+    segments.manifest(samples.parts())
+    return work
+
+
+def sample_rows(ids: list[str]):
+    values = {"sample_id": ids, "dataset": ["rooms"] * len(ids), "split": ["train"] * len(ids)}
+    values["scene"] = [i.rpartition("/")[0] for i in ids]
+    return _table("samples", values, len(ids))
+
+
+def segment_rows(ids: list[str]):
+    labels = [[LABELS[(row + k) % len(LABELS)] for k in range(row % 5)] for row in range(len(ids))]
+    values = {
+        "sample_id": ids,
+        "status": ["ok"] * len(ids),
+        "label": labels,
+        "score": [[1.0] * len(found) for found in labels],
+        "area": [[0.1 + 0.01 * k for k in range(len(found))] for found in labels],
+        "is_thing": [[True] * len(found) for found in labels],
+    }
+    return _table("segments", values, len(ids))
+
+
+def _table(schema: str, values: dict[str, list], rows: int):
+    names = tables.schema(schema).names
+    return tables.from_columns(schema, {n: values.get(n, [None] * rows) for n in names})
+
+
+def captions_job(work: Work, **options: object) -> Job:
+    return stages.job(work, "captions", "rooms", dict(options), upstream="segments/labels")
+
+
+class NoBar:
+    """Progress that nobody looks at."""
+
+    def __init__(self, title: str = "", total: int = 0):
+        self.rows = 0
+
+    def update(self, rows: int) -> None:
+        self.rows += rows
+
+    def close(self) -> None:
+        pass
