@@ -52,3 +52,9 @@ def test_list_names_everything():
     listed = run("list").stdout
     for name in ("nyuv2", "yolox-nano", "occupancy", "clip-rn50", "tu2020", "mlp5", "demo"):
         assert f"  {name} " in listed
+
+
+def test_list_datasets_shows_their_options():
+    listed = run("list", "datasets").stdout
+    assert "depth_unit=...: unit of the depth files: m, cm, mm, or m/N" in listed
+    assert "test_last=0: frames at the end of each sequence" in listed

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import click
 
-from .. import jobs, registry
+from .. import jobs, options, registry
 from .. import status as state
 from ..errors import RsaDataError
 from ..parts import Work
@@ -50,6 +50,21 @@ def list_names(what: str | None) -> None:
         click.echo(f"{kind}:")
         for name, doc in _KINDS[kind]():
             click.echo(f"  {name:28} {doc}")
+            if what == "datasets":
+                for line in _dataset_options(name):
+                    click.echo(f"  {'':28}   {line}")
+    if what == "datasets":
+        click.echo("data/README.md says where to get each one and how it must lie.")
+
+
+def _dataset_options(name: str) -> list[str]:
+    """What --dataset-option takes for a dataset, one line an option."""
+    build = registry.resolve("dataset", registry.DATASETS, name)
+    return [
+        f"{option}={'...' if p.default in (None, p.empty) else p.default}: "
+        f"{options.help_text(build, option)}"
+        for option, p in options.parameters(build).items()
+    ]
 
 
 _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
