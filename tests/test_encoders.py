@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from rsa_data import tables
-from rsa_data.encoders.batches import by_length, padded
+from rsa_data.encoders.batches import by_length, by_prefix
 from rsa_data.encoders.clip import read_text_tower
 from rsa_data.encoders.clip_text import TextTower
 from rsa_data.encoders.embed import build, distinct_texts
@@ -110,21 +110,59 @@ def test_clip_text_equals_transformers_at_every_length(tmp_path):
     save_file(state, tmp_path / "clip.safetensors")
     tower = read_text_tower(tmp_path / "clip.safetensors", **TINY)
     ids = random_ids(TINY["vocabulary"], list(range(2, 78)))
-    end = TINY["vocabulary"] - 1
+    # Texts that begin like others, are others' beginnings, or stand twice.
+    ids += [[*ids[60][:k], *ids[50][1:9], 599] for k in (1, 2, 30, 60)] + [ids[40]]
     with torch.inference_mode():
-        full = torch.from_numpy(padded([*ids, [0] * 77], end)[0][:-1])
-        expected = model(input_ids=full).text_embeds.numpy()
-        batch, lengths = padded(ids, 0)
-        found = tower(torch.from_numpy(batch), torch.from_numpy(lengths)).numpy()
-    assert_same_features(found, expected)
+        expected = np.concatenate(
+            [model(input_ids=torch.tensor([row])).text_embeds.numpy() for row in ids]
+        )
+        for budget in (1, 100, 10_000):
+            found = np.empty_like(expected)
+            for rows, inputs in by_prefix(ids, budget):
+                tensors = {name: torch.from_numpy(value) for name, value in inputs.items()}
+                found[rows] = tower(**tensors).numpy()
+            assert_same_features(found, expected)
 
 
-def test_batches_hold_every_row_once_within_the_budget():
-    lengths = np.random.default_rng(0).integers(2, 78, 500)
-    batches = list(by_length(lengths, 256))
-    assert sorted(np.concatenate(batches).tolist()) == list(range(500))
-    assert all(len(rows) * lengths[rows].max() <= 256 for rows in batches)
-    assert [rows.tolist() for rows in by_length(np.array([5, 900, 5]), 256)] == [[1], [0, 2]]
+def test_batches_by_length_hold_every_text_once_within_the_budget():
+    ids = random_ids(600, np.random.default_rng(0).integers(2, 78, 500).tolist())
+    batches = list(by_length(ids, 256))
+    assert sorted(np.concatenate([rows for rows, _ in batches]).tolist()) == list(range(500))
+    assert all(inputs["ids"].size <= 256 for _, inputs in batches)
+    rows, inputs = next(by_length([[5, 6], [7, 8, 9], [1, 2]], 6))
+    assert rows.tolist() == [1, 0]
+    assert inputs["ids"].tolist() == [[7, 8, 9], [5, 6, 0]]
+    assert inputs["lengths"].tolist() == [3, 2]
+
+
+def test_batches_by_prefix_are_trees_of_shared_beginnings():
+    ((rows, inputs),) = by_prefix([[1, 2, 3], [1, 4], [1, 2, 5], [1, 4]], 100)
+    assert rows.tolist() == [0, 2, 1, 3]
+    assert {name: value.tolist() for name, value in inputs.items()} == {
+        "ids": [1, 2, 3, 5, 4],
+        "positions": [0, 1, 2, 2, 1],
+        "paths": [[0, 1, 2], [0, 1, 3], [0, 4, 0], [0, 4, 0]],
+        "places": [0, 1, 2, 5, 7],
+        "ends": [2, 3, 4, 4],
+    }
+
+
+@pytest.mark.parametrize("budget", [1, 7, 64, 10_000])
+def test_paths_spell_their_texts(budget):
+    rng = np.random.default_rng(budget)
+    ids = [rng.integers(0, 3, n).tolist() for n in rng.integers(1, 9, 200)]
+    seen = []
+    for rows, inputs in by_prefix(ids, budget):
+        assert len(inputs["ids"]) <= max(budget, 8)
+        for row, path, end in zip(rows, inputs["paths"], inputs["ends"], strict=True):
+            path = path[: inputs["positions"][end] + 1]
+            assert inputs["ids"][path].tolist() == ids[row]
+            assert inputs["positions"][path].tolist() == list(range(len(ids[row])))
+        assert inputs["paths"].flatten()[inputs["places"]].tolist() == list(
+            range(len(inputs["ids"]))
+        )
+        seen += rows.tolist()
+    assert sorted(seen) == list(range(200))
 
 
 def test_minilm_equals_transformers_with_mean_pooling_text_by_text():

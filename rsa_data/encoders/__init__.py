@@ -1,6 +1,6 @@
 """Encoders: frozen networks that turn a text or an image into one vector."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,29 +10,33 @@ import numpy as np
 if TYPE_CHECKING:
     import torch
 
-Tokens = tuple[Sequence[Sequence[int]], np.ndarray]
-"""ids of each text (start and end included, cut at what the encoder reads), and bool of shape
-(n,), True where a text was cut."""
+Ids = Sequence[Sequence[int]]
+"""Tokens of each text, start and end included, cut at what the encoder reads."""
+
+Batch = tuple[np.ndarray, dict[str, np.ndarray]]
+"""Row numbers of the batch's texts, int of shape (b,), and the encoder's inputs by name."""
 
 
 @dataclass(frozen=True)
 class TextModel:
     """A text encoder with its weights.
 
-    module : maps ids, int64 of shape (b, t), padded at the end with `pad`, and lengths, int64 of
-        shape (b,), to features of shape (b, dim). What stands behind a text's length must not
-        change its feature.
-    tokenize : list of texts -> Tokens.
+    module : takes the inputs of a batch by name, returns features of shape (b, dim).
+    tokenize : list of texts -> (Ids, bool of shape (n,), True where a text was cut).
+    batches : (Ids, budget) -> batches that hold every text once; see encoders/batches.py.
+    budget : the budget that runs fastest on a CPU, measured with benchmarks/embed.py.
+    axes : for each input the names of its axes; axes of one name have one length.
     dim : length of a feature.
-    normalized : whether the module's features have norm 1 by the model's own definition.
-    pad : id that fills a batch.
+    normalized : whether features have norm 1 by the encoder's own definition.
     """
 
     module: "torch.nn.Module"
-    tokenize: Callable[[list[str]], Tokens]
+    tokenize: Callable[[list[str]], tuple[Ids, np.ndarray]]
+    batches: Callable[[Ids, int], Iterator[Batch]]
+    budget: int
+    axes: dict[str, tuple[str, ...]]
     dim: int
     normalized: bool
-    pad: int = 0
 
 
 @dataclass(frozen=True)

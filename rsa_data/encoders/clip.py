@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from ..errors import RsaDataError
 from ..models import fetch
 from . import TextEncoder, TextModel
+from .batches import PREFIX_AXES, by_prefix
 from .checkpoints import load_strictly, read_tensors
 
 if TYPE_CHECKING:
@@ -45,7 +46,15 @@ def _files(argument: str | None, weights: Path | None) -> dict[str, Path]:
 def _load(files: dict[str, Path]) -> TextModel:
     from .tokenizers import clip
 
-    return TextModel(read_text_tower(files["weights"]), clip().encode, dim=1024, normalized=False)
+    return TextModel(
+        module=read_text_tower(files["weights"]),
+        tokenize=clip().encode,
+        batches=by_prefix,
+        budget=512,
+        axes=PREFIX_AXES,
+        dim=1024,
+        normalized=False,
+    )
 
 
 CLIP_RN50 = TextEncoder(_files, _load)

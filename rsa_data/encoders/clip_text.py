@@ -1,8 +1,9 @@
 """CLIP's text tower (OpenAI, 2021): the whole network, with the parameter names of its checkpoints.
 
 A pre-norm transformer with causal attention; the feature is the end-of-text token's row after the
-last LayerNorm, times `text_projection`. Because attention is causal, what stands behind the end
-token changes nothing, so a text is computed at its own length instead of 77.
+last LayerNorm, times `text_projection`. Because attention is causal, a token's state follows from
+the tokens before it: nothing behind the end token is computed, and what several texts begin with
+is computed once for all of them.
 """
 
 import torch
@@ -20,12 +21,31 @@ class Attention(nn.Module):
         self.in_proj_bias = nn.Parameter(torch.empty(3 * width))
         self.out_proj = nn.Linear(width, width)
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        b, t, width = x.shape
-        x = F.linear(x, self.in_proj_weight, self.in_proj_bias)  # (b, t, 3 * width)
-        q, k, v = x.view(b, t, 3, self.heads, -1).permute(2, 0, 3, 1, 4)  # (b, heads, t, -1)
+    def forward(self, x: torch.Tensor, paths: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
+        """Every node sees the nodes before it on its path. x : (m, width). Returns (m, width)."""
+        x = F.linear(x, self.in_proj_weight, self.in_proj_bias)  # (m, 3 * width)
+        q, k, v = self._along(x, paths, 3)  # (heads, b, t, width / heads)
         x = F.scaled_dot_product_attention(q, k, v, is_causal=True)
-        return self.out_proj(x.transpose(1, 2).reshape(b, t, width))  # (b, t, width)
+        x = x.flatten(1, 2).index_select(1, places)  # (heads, m, width / heads)
+        return self.out_proj(x.transpose(0, 1).flatten(1))  # (m, width)
+
+    def at_ends(self, x: torch.Tensor, paths: torch.Tensor, ends: torch.Tensor) -> torch.Tensor:
+        """The same for the texts' last nodes only. x : (m, width). Returns (b, width)."""
+        width = x.shape[1]
+        weight, bias = self.in_proj_weight, self.in_proj_bias
+        q = F.linear(x[ends], weight[:width], bias[:width])  # (b, width)
+        q = q.view(ends.shape[0], self.heads, 1, -1).transpose(0, 1)  # (heads, b, 1, width / heads)
+        k, v = self._along(F.linear(x, weight[width:], bias[width:]), paths, 2)
+        # Nodes are numbered upwards along a path, and behind its end stands node 0.
+        seen = (paths > 0) | (torch.arange(paths.shape[1], device=x.device) == 0)  # (b, t)
+        x = F.scaled_dot_product_attention(q, k, v, attn_mask=seen[:, None])
+        return self.out_proj(x.squeeze(2).transpose(0, 1).flatten(1))  # (b, width)
+
+    def _along(self, x: torch.Tensor, paths: torch.Tensor, parts: int) -> torch.Tensor:
+        """Rows of nodes, (m, parts * width), to (parts, heads, b, t, width / heads)."""
+        # The few nodes are brought into the order that attention wants, before they are repeated.
+        x = x.view(x.shape[0], parts, self.heads, -1).permute(1, 2, 0, 3)
+        return x.index_select(2, paths.flatten()).unflatten(2, paths.shape)
 
 
 class Mlp(nn.Module):
@@ -50,8 +70,12 @@ class Block(nn.Module):
         self.ln_1, self.ln_2 = nn.LayerNorm(width), nn.LayerNorm(width)
         self.attn, self.mlp = Attention(width, heads), Mlp(width)
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        x = x + self.attn(self.ln_1(x))
+    def forward(self, x: torch.Tensor, paths: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
+        x = x + self.attn(self.ln_1(x), paths, places)
+        return x + self.mlp(self.ln_2(x))
+
+    def at_ends(self, x: torch.Tensor, paths: torch.Tensor, ends: torch.Tensor) -> torch.Tensor:
+        x = x[ends] + self.attn.at_ends(self.ln_1(x), paths, ends)
         return x + self.mlp(self.ln_2(x))
 
 
@@ -71,20 +95,26 @@ class TextTower(nn.Module):
         super().__init__()
         self.token_embedding = nn.Embedding(vocabulary, width)
         self.positional_embedding = nn.Parameter(torch.empty(context, width))
-        blocks = nn.Sequential(*(Block(width, heads) for _ in range(layers)))
-        self.transformer = nn.ModuleDict({"resblocks": blocks})
+        self.blocks = [Block(width, heads) for _ in range(layers)]
+        self.transformer = nn.ModuleDict({"resblocks": nn.ModuleList(self.blocks)})
         self.ln_final = nn.LayerNorm(width)
         self.text_projection = nn.Parameter(torch.empty(width, dim))
 
-    def forward(self, ids: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
-        """Features of texts.
+    def forward(
+        self,
+        ids: torch.Tensor,
+        positions: torch.Tensor,
+        paths: torch.Tensor,
+        places: torch.Tensor,
+        ends: torch.Tensor,
+    ) -> torch.Tensor:
+        """Features of b texts that are a tree of m nodes: see batches.by_prefix for the inputs.
 
-        ids : int64 of shape (b, t), t at most the context; behind a text's end anything may stand.
-        lengths : int64 of shape (b,), tokens of each text; its last one is the end-of-text token.
-
-        Returns float of shape (b, dim).
+        Returns float of shape (b, dim), not normalised.
         """
-        x = self.token_embedding(ids) + self.positional_embedding[: ids.shape[1]]
-        x = self.transformer["resblocks"](x)  # (b, t, width)
-        x = x[torch.arange(len(ids), device=ids.device), lengths - 1]  # (b, width)
+        x = self.token_embedding(ids) + self.positional_embedding[positions]  # (m, width)
+        for block in self.blocks[:-1]:
+            x = block(x, paths, places)
+        # Of the last layer only the end tokens' rows are read.
+        x = self.blocks[-1].at_ends(x, paths, ends)  # (b, width)
         return self.ln_final(x) @ self.text_projection  # (b, dim)

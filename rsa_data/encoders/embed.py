@@ -11,13 +11,8 @@ import pyarrow.compute as pc
 from .. import progress, registry, tables
 from ..errors import RsaDataError, UsageError
 from . import TextEncoder
-from .batches import by_length, padded
 
 Step = Callable[[pa.Table], pa.Table]
-
-# Tokens of a batch: enough for the matrix products to run at full rate, little enough that the
-# activations stay near the cache. Measured with benchmarks/embed.py: flat from 1,000 to 4,000.
-_BUDGET = 2048
 
 
 def build(
@@ -46,9 +41,9 @@ def build(
     torch.set_num_threads(threads)
     model = _encoder(encoder).load(files(encoder=encoder, weights=weights))
 
-    def run(ids: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    def run(inputs: dict[str, np.ndarray]) -> np.ndarray:
         with torch.inference_mode():
-            return model.module(torch.from_numpy(ids), torch.from_numpy(lengths)).numpy()
+            return model.module(**{k: torch.from_numpy(v) for k, v in inputs.items()}).numpy()
 
     def step(captions: pa.Table) -> pa.Table:
         text_id, texts = distinct_texts(captions)
@@ -56,8 +51,8 @@ def build(
         lengths = np.array([len(row) for row in ids], np.int32)
         features = np.empty((len(texts), model.dim), np.float32)
         told = _Progress(len(pc.unique(captions["sample_id"])), int(lengths.sum()))
-        for rows in by_length(lengths, _BUDGET):
-            features[rows] = run(*padded([ids[row] for row in rows], model.pad))
+        for rows, inputs in model.batches(ids, model.budget):
+            features[rows] = run(inputs)
             told.add(int(lengths[rows].sum()))
         if normalize:
             features /= np.linalg.norm(features, axis=1, keepdims=True)

@@ -9,9 +9,12 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..errors import RsaDataError
 from ..registry import extras
-from . import TextEncoder, TextModel, Tokens
+from . import Ids, TextEncoder, TextModel
+from .batches import LENGTH_AXES, by_length
 
 if TYPE_CHECKING:
     pass
@@ -44,6 +47,9 @@ def load(files: dict[str, Path]) -> TextModel:
     return TextModel(
         module=module,
         tokenize=_tokenize(files["tokenizer.json"], max_tokens),
+        batches=by_length,
+        budget=1024,
+        axes=LENGTH_AXES,
         dim=module.dim,
         normalized=steps[-1] == "Normalize",
     )
@@ -71,14 +77,13 @@ def _pooling(path: Path) -> str:
 
 
 def _tokenize(path: Path, max_tokens: int) -> Any:
-    import numpy as np
     from tokenizers import Tokenizer
 
     tokenizer = Tokenizer.from_file(str(path))
     tokenizer.no_padding()
     tokenizer.enable_truncation(max_tokens)
 
-    def encode(texts: list[str]) -> Tokens:
+    def encode(texts: list[str]) -> tuple[Ids, np.ndarray]:
         found = tokenizer.encode_batch_fast(texts)
         return [one.ids for one in found], np.array([bool(one.overflowing) for one in found], bool)
 
