@@ -20,14 +20,15 @@ FAST = {"epochs": 6, "batch": 32, "pixels": 32, "threads": 1}
 
 def toy(work: Work, dataset: str, n: int = 120, size: float = 1.0, rooms: int = 12, **more):
     """n images of 6 kinds of room, whose words tell scale and shift; two variants a caption."""
-    rng = np.random.default_rng(len(dataset))
+    rng = np.random.default_rng(list(dataset.encode()))
     kind = rng.integers(6, size=n)
-    vectors = {f"{word} {k}": rng.normal(size=16) for k in range(6) for word in ("a", "one")}
+    words = [[f"a {dataset} {k}", f"one {dataset} {k}"] for k in range(6)]
+    vectors = {text: rng.normal(size=16) for pair in words for text in pair}
     scale, shift = (0.02 + 0.02 * kind) / size, (0.05 + 0.05 * kind) / size
     y = rng.uniform(0, 10, (n, 64))
     arrays = {
         "scenes": [f"room {i % rooms}" for i in range(n)],
-        "texts": [[f"a {k}", f"one {k}"] for k in kind],
+        "texts": [words[k] for k in kind],
         "features": {text: v.astype(np.float16) for text, v in vectors.items()},
         "relative": y,
         "metric": 1 / (scale[:, None] * y + shift[:, None]),
@@ -103,7 +104,7 @@ def test_a_killed_training_goes_on_to_the_same_bytes(work, moment):
     toy(work, "nyuv2")
     train_head(work, name="whole", **FAST)
     code = (
-        "import sys; from rsa_data.heads.training import train_head; from rsa_data.parts import Work\n"
+        "from rsa_data.heads.training import train_head; from rsa_data.parts import Work\n"
         f"train_head(Work({work.store.location!r}), name='killed', checkpoint_every=0, **{FAST!r})"
     )
     env = {**os.environ, "RSA_DATA_FAILPOINT": moment}
@@ -197,9 +198,7 @@ def test_missing_tables_say_what_to_run(work):
     with pytest.raises(RsaDataError, match="no dataset there yet"):
         train_head(work)
     toy(work, "nyuv2")
-    with pytest.raises(
-        RsaDataError, match="no such embeddings table. Make it first: rsa-data embed"
-    ):
+    with pytest.raises(RsaDataError, match=r"no such embeddings table.*rsa-data embed"):
         train_head(work, encoder="clip-rn50")
     with pytest.raises(UsageError, match="unknown dataset in this work dir 'nyu'"):
         train_head(work, datasets=("nyu",))

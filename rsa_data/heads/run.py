@@ -23,7 +23,6 @@ from .fit import Settings, State, begin, fit
 from .training import Trained
 from .windows import Windows
 
-
 # Options that never change what comes out.
 _LOCAL = ("memory", "checkpoint_every")
 
@@ -66,17 +65,22 @@ def run(work: Work, plan: Plan, bar: Callable[[str, int], Any] | None, start_ove
         for file in ("head.json", "head.safetensors", "history.parquet", "checkpoint.safetensors"):
             store.delete(f"{folder}/{file}")
         table.start_over()
-    table.bind(plan.identity)
+    if table.exists():
+        table.bind(plan.identity)
     if (done := store.read(f"{folder}/head.json")) is not None:
         return Trained(f"{store.location}/{folder}", json.loads(done))
 
     torch.set_num_threads(options["threads"])
     examples = Windows(work, plan)
+    table.bind(plan.identity)
     names = [source.dataset for source in plan.sources]
     network = _first_network(plan, examples)
     limits = np.array([plan.limits[name] for name in names])
     settings = Settings(
-        **{key: options[key] for key in Settings.__dataclass_fields__ if key in options},
+        **{
+            **{key: options[key] for key in Settings.__dataclass_fields__ if key in options},
+            "batch": options["batch"] or int(np.clip(examples.total // 16, 16, 256)),
+        },
         unit=np.ones(len(names)) if options["units"] == "metres" else examples.mean_depth,
         weight=_weights(examples.images, options["balance"]),
         min_depth=limits[:, 0],

@@ -8,6 +8,7 @@ from .. import index, registry
 from ..errors import RsaDataError, UsageError
 from ..parts import Work
 from . import belong
+from .controls import Control
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ def train_head(
     encoder: str | None = None,
     depth_model: str | None = None,
     head: str = "mlp5",
+    control: Control = "none",
     name: str = "head",
     loss: Literal["l1", "huber", "log-l1", "silog"] = "l1",
     supervision: Literal["depth", "fit", "both"] = "depth",
@@ -59,7 +61,7 @@ def train_head(
     weight_decay: float = 0.0,
     clip: float = 1.0,
     epochs: int = 50,
-    batch: int = 256,
+    batch: int | None = None,
     pixels: int = 256,
     standardize: bool = True,
     validation: float = 0.1,
@@ -84,6 +86,8 @@ def train_head(
     encoder : text encoder, needed when there are several.
     depth_model : relative-depth model, needed when there are several.
     head : architecture; see `rsa-data list heads`.
+    control : train a control instead: each image with the captions of another image of its dataset
+        (shuffled), or with no more than its dataset's name (dataset).
     name : folder of the head below WORK/heads.
     loss : what is minimised at the sampled pixels.
     supervision : learn from depth, from each image's own least-squares fit, or from both. Of a fit
@@ -99,7 +103,7 @@ def train_head(
     weight_decay : of the optimiser.
     clip : norm that gradients are clipped to; 0 for none.
     epochs : times that every image is seen, each time with a variant of its caption drawn anew.
-    batch : images in a step.
+    batch : images in a step; by default a sixteenth of all, but 16 to 256.
     pixels : pixels of each image in a step, of those that the depth table holds.
     standardize : centre the features and divide them by one number, their spread over the training
         set; part of the head. Without it the raw features go in, as in the released code.

@@ -8,6 +8,7 @@ import torch
 
 from ..errors import RsaDataError
 from ..parts import Work
+from .controls import controlled
 from .examples import Examples, join, read_part, select
 from .split import by_scene
 
@@ -80,6 +81,8 @@ class Windows:
     def _split(self, dataset: int, number: int) -> tuple[Examples, Examples]:
         """Training and validation examples of one part."""
         part = read_part(self.work, self.plan.sources[dataset], number, dataset)
+        options, count = self.plan.options, len(self.plan.sources)
+        part = controlled(part, options["control"], options["seed"], number, count)
         held = self.held[dataset, number][part.row]
         return select(part, ~held), select(part, held, variants=1)
 
