@@ -70,6 +70,7 @@ def summary_lines(stage: str, dataset: str, summary: Summary) -> list[str]:
         lines.append(f"  failed {count:,} times: {reason}")
     if summary.failed:
         lines.append("  mend the input, then: rsa-data retry-failed")
+    lines += [f"  {note}" for note in summary.notes]
     lines.append(f"  in {summary.output}")
     return lines
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from . import engines, index, registry, run, stages
+from .captions.write import needs_segments
 from .errors import RsaDataError
 from .parts import Work
 from .run import Bar, Summary
@@ -122,7 +123,11 @@ def captions(
     segments : SOURCE as `detect` takes it; None takes the segments that are there, or the default
         model when there are none. An import brings its argument only the first time.
     detect : options of the detect stage.
+
+    Texts to import need no segments, so none are made for them.
     """
+    if not needs_segments(stages.bind("captions", dict(options))["style"]):
+        return stage(work, "captions", dataset, options, how, root=root)
     there = [t for t in work.tables(dataset) if t.startswith("segments/")]
     wanted = f"segments/{stages.name_of(segments)}" if segments else None
     if wanted is None and len(there) == 1 and not detect:

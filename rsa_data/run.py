@@ -33,6 +33,7 @@ class Summary:
         made again because their input had changed; undone : parts left for a later run, with why.
     rows, ok, failed, skipped, bytes : of the selected parts. seconds : of this run.
     worked : input rows that this run went through, for the rate.
+    notes : what the stage has to say of its output, in sentences.
     """
 
     output: str
@@ -48,6 +49,7 @@ class Summary:
     seconds: float
     worked: int
     reasons: list[tuple[str, int]]
+    notes: list[str]
 
 
 _HERE = engines.How()
@@ -114,6 +116,7 @@ def run(
         seconds=time.monotonic() - begun,
         worked=sum(size for n, size in sizes.items() if n not in undone),
         reasons=reasons(job, [n for n in numbers if n not in undone]) if total["failed"] else [],
+        notes=stages.notes(job, [r["part"] for r in receipts]) if tasks else [],
         **total,
     )
 

@@ -199,7 +199,10 @@ def describe(job: Job) -> dict[str, Any]:
     files = module.files(**job.options) if hasattr(module, "files") else {}
     identity = {k: _plain(v) for k, v in job.options.items() if k not in stage.local}
     identity[stage.selector] = name_of(str(identity[stage.selector]))
+    # What else the content follows from, where a module has such: versions, vocabularies.
+    known = {"identity": module.identity(**job.options)} if hasattr(module, "identity") else {}
     return {
+        **known,
         "stage": job.stage,
         "stage_version": stage.version,
         "schema": stage.schema,
@@ -209,6 +212,21 @@ def describe(job: Job) -> dict[str, Any]:
         "inputs": list(job.inputs),
         "made_with": made_with(),
     }
+
+
+# Parts that notes look at, evenly over the table: enough for shares, cheap for any number.
+_NOTED = 20
+
+
+def notes(job: Job, numbers: list[int]) -> list[str]:
+    """What the stage's module has to say of the parts `numbers`: sentences for the summary."""
+    module = import_module(STAGES[job.stage].module)
+    if not numbers or not hasattr(module, "notes"):
+        return []
+    step = -(-len(numbers) // _NOTED)
+    made = (job.table(job.output).read(n, columns=module.NOTED) for n in numbers[::step])
+    inputs = [job.table(name).read(numbers[len(numbers) // 2]) for name in job.inputs]
+    return module.notes(made, *inputs, **job.options)
 
 
 def _plain(value: Any) -> Any:

@@ -1,7 +1,9 @@
 """The captions stage: segments -> captions, whole columns at a time."""
 
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -11,7 +13,7 @@ from .. import registry
 from ..encoders.tokenizers import Tokenizer
 from ..errors import RsaDataError, UsageError
 from ..progress import advance
-from . import natural
+from . import natural, summary
 from .assemble import MAX_BYTES
 from .augment import Domain
 from .choose import CAPTIONS_A_BLOCK
@@ -21,6 +23,8 @@ from .objects import Which
 from .styles import Wording
 from .words import clean
 
+# Columns that `notes` reads.
+NOTED = list(summary.COLUMNS)
 _MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
 
@@ -141,6 +145,40 @@ def identity(*, style: str = "occupancy", tokenizer: str = "clip", **_: object) 
     counter: Tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)()
     version = target.version if isinstance(target, Wording) else natural.VERSION
     return {"style_version": str(version), "tokenizer": counter.fingerprint}
+
+
+def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> list[str]:
+    """What a person should know after a run, in sentences.
+
+    captions : parts of the table, at least with the columns NOTED. inputs : one part of the
+    stage's inputs, on which is tried which options would keep more. options : those of `build`.
+    """
+    bound = {n: p.default for n, p in inspect.signature(build).parameters.items()} | options
+    counter: Tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, bound["tokenizer"])()
+    if not needs_segments(bound["style"]):
+        return summary.import_lines(captions, counter)
+    asked = bound["max_tokens"]
+    found = summary.kept(captions)
+    lines = summary.budget_lines(found, counter.max_tokens if asked is None else asked)
+    if not found["losing"]:
+        return lines if asked != 0 else []
+    now = summary.kept([build(**bound | {"variants": 1})(*inputs)])
+    lines.append(f"tried on {now['captions']:,} images: as it is, {summary.told(now)}")
+    for change in summary.ALTERNATIVES:
+        other = bound | change | {"variants": 1}
+        if all(bound[name] == value for name, value in change.items()):
+            continue
+        try:
+            would = summary.kept([build(**other)(*inputs)])
+        except UsageError:
+            continue  # a style that knows no groups
+        if would["area_kept"] > now["area_kept"]:
+            flags = " ".join(
+                f"--{name}" if value is True else f"--{name} {value}"
+                for name, value in change.items()
+            )
+            lines.append(f"  with {flags}: {summary.told(would)}")
+    return lines
 
 
 def needs_segments(style: str) -> bool:
