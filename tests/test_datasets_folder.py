@@ -50,6 +50,21 @@ def test_depth_before_the_whole_path(tmp_path):
     }
 
 
+def test_depth_of_the_nearest_time(tmp_path):
+    touch(tmp_path, "tum/rgb/1.10.png", "tum/rgb/1.13.png", "tum/rgb/1.17.png", "tum/rgb/9.0.png")
+    touch(tmp_path, "tum/depth/1.111.png", "tum/depth/1.149.png", "tum/depth/readme.txt")
+    dataset = folder(images="rgb", depth="depth", depth_unit="m/5000", depth_within=0.0215)
+    assert seen(dataset, tmp_path) == {
+        "train/tum/1.10": ["tum", "tum/rgb/1.10.png", "tum/depth/1.111.png"],
+        "train/tum/1.13": ["tum", "tum/rgb/1.13.png", "tum/depth/1.111.png"],
+        "train/tum/1.17": ["tum", "tum/rgb/1.17.png", "tum/depth/1.149.png"],
+        "train/tum/9.0": ["tum", "tum/rgb/9.0.png", None],
+    }
+    touch(tmp_path, "tum/rgb/first.png")
+    with pytest.raises(RsaDataError, match=r"names that are numbers.* found first.png"):
+        dataset.index(tmp_path, None)
+
+
 def test_split_folders(tmp_path):
     touch(tmp_path, "train/home/0.png", "val/home/1.png", "test/yard/train/2.png")
     assert seen(folder(), tmp_path) == {
@@ -102,6 +117,7 @@ WRONG_OPTIONS = {
     "depth without unit": ({"depth": "depth"}, "no unit is ever guessed"),
     "unknown unit": ({"depth": "d", "depth_unit": "inch"}, "expected m, cm, mm or m/N"),
     "no steps": ({"depth": "d", "depth_unit": "m/0"}, "expected m, cm, mm or m/N"),
+    "distance without depth": ({"depth_within": 0.1}, "depth_within: expected 0 or more, with"),
     "share of all": ({"test_share": 1.0}, "test_share: expected 0 up to 1, found 1.0"),
     "two ways to hold out": ({"test_share": 0.1, "test_list": "x"}, "found both"),
     "empty range": ({"min_depth": 2.0, "max_depth": 1.0}, "expected 0 < min_depth < max_depth"),

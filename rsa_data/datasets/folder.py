@@ -24,9 +24,11 @@ from .listing import (
     stem,
     to_table,
 )
+from .pairing import nearest
 
 _SPLITS = ("train", "val", "test")
 _DEPTH_SUFFIXES = (".png", ".npy")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 def folder(
@@ -34,6 +36,7 @@ def folder(
     images: str | None = None,
     depth: str | None = None,
     depth_unit: str | None = None,
+    depth_within: float | None = None,
     intrinsics: str | None = None,
     test_share: float = 0.0,
     test_list: Path | None = None,
@@ -50,6 +53,8 @@ def folder(
         It stands in the place of `images` in the path (a/rgb/1.jpg, a/depth/1.png), or before
         the whole path when `images` is not given (a/1.jpg, depth/a/1.png).
     depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
+    depth_within : pair by the numbers that the file names are, such as times, when image and depth
+        have different ones: the nearest depth at most so far away; 0.02 for seconds (TUM).
     intrinsics : fx,fy,cx,cy in px of all images, or a text file below the root with the 3 x 3
         camera matrix.
     test_share : share of the images to hold out for testing, 0 to 1. Whole scenes are taken from
@@ -64,6 +69,10 @@ def folder(
             "folder: depth and depth_unit go together: the name of the folders with depth, and one "
             f"of the units {', '.join(UNITS)} or m/N, N steps a metre; no unit is ever guessed"
         )
+    if depth_within is not None and (depth is None or not 0 <= depth_within < float("inf")):
+        raise UsageError(
+            f"folder: depth_within: expected 0 or more, with depth, found {depth_within}"
+        )
     if not 0 <= test_share < 1:
         raise UsageError(f"folder: test_share: expected 0 up to 1, found {test_share}")
     if test_share and test_list:
@@ -74,7 +83,7 @@ def folder(
         )
     return Dataset(
         name="folder",
-        index=partial(_index, images, depth, intrinsics, test_share, test_list),
+        index=partial(_index, images, depth, depth_within, intrinsics, test_share, test_list),
         read_depth=_reader(depth_unit) if depth_unit is not None else _no_depth,
         min_depth=min_depth,
         max_depth=max_depth,
@@ -107,6 +116,7 @@ def _no_depth(path: Path) -> np.ndarray:
 def _index(
     images: str | None,
     depth: str | None,
+    within: float | None,
     intrinsics: str | None,
     test_share: float,
     test_list: Path | None,
@@ -115,12 +125,13 @@ def _index(
 ) -> pa.Table:
     require_folder("folder", root)
     camera = _camera(root, intrinsics) if intrinsics else UNKNOWN
-    found = sorted(_samples(root, images, depth, camera), key=lambda s: _natural(s.key))
+    found = sorted(_samples(root, images, depth, within, camera), key=lambda s: _natural(s.key))
     if depth and found and not any(s.depth for s in found):
         example = found[0].image or ""
+        wanted = f"{_depth_path(stem(example), images, depth)}.png"
         raise RsaDataError(
-            f"folder: {root}: expected depth such as {_depth_stem(example, images, depth)}.png for "
-            f"the image {example}, found none for any of {len(found)} images; {guide('folder')}"
+            f"folder: {root}: expected depth such as {wanted} for the image {example}, found none "
+            f"for any of {len(found)} images; {guide('folder')}"
         )
     if (test_share or test_list) and any(s.split != "train" for s in found):
         raise UsageError(
@@ -134,34 +145,48 @@ def _index(
     return to_table("folder", root, found, split)
 
 
-def _samples(root: Path, images: str | None, depth: str | None, camera: Camera) -> Iterator[Sample]:
+def _samples(
+    root: Path, images: str | None, depth: str | None, within: float | None, camera: Camera
+) -> Iterator[Sample]:
     splits = {s for s in _SPLITS if (root / s).is_dir()}
     files = dict(files_below(root))
-    there = {below + name for below, names in files.items() for name in names} if depth else set()
     for below, names in files.items():
         parts = below.split("/")[:-1]
         if depth in parts or (images is not None and images not in parts):
             continue
         which = parts[0] if parts and parts[0] in splits else "train"
-        for name in filter(is_image, names):
-            path = below + name
-            if splits and parts[:1] != [which]:
-                raise RsaDataError(
-                    f"folder: {root}: expected all images in {', '.join(sorted(splits))}, found "
-                    f"{path}; move it, or rename the folders if they are not splits"
-                )
-            at = _depth_stem(path, images, depth) if depth else ""
-            known = next((at + s for s in _DEPTH_SUFFIXES if at + s in there), None)
-            inner = [p for p in parts[bool(splits) :] if p != images]
+        taken = [name for name in names if is_image(name)]
+        if taken and splits and parts[:1] != [which]:
+            raise RsaDataError(
+                f"folder: {root}: expected all images in {', '.join(sorted(splits))}, found "
+                f"{below}{taken[0]}; move it, or rename the folders if they are not splits"
+            )
+        inner = [p for p in parts[bool(splits) :] if p != images]
+        beside = _depth_path(below, images, depth) if depth else ""
+        truths = _paired(taken, files.get(beside, []), within) if depth else [None] * len(taken)
+        for name, truth in zip(taken, truths, strict=True):
             key = stem("/".join([*inner, name]))
-            yield Sample(which, key, scene(key), path, known, camera)
+            yield Sample(which, key, scene(key), below + name, truth and beside + truth, camera)
 
 
-def _depth_stem(image: str, images: str | None, depth: str) -> str:
-    """Where an image's depth is looked for, below the root and without suffix."""
+def _paired(images: list[str], depths: list[str], within: float | None) -> list[str | None]:
+    """The depth file of each image of a folder: of the same name, or of the nearest number."""
+    known = {stem(name): name for name in depths if name.lower().endswith(_DEPTH_SUFFIXES)}
+    if within is None:
+        return [known.get(stem(name)) for name in images]
+    frames = sorted((float(s), name) for s, name in known.items() if _NUMBER.fullmatch(s))
+    if strange := [name for name in images if not _NUMBER.fullmatch(stem(name))]:
+        raise RsaDataError(
+            f"folder: expected names that are numbers, as depth_within is given; found {strange[0]}"
+        )
+    return nearest([float(stem(name)) for name in images], frames, within)
+
+
+def _depth_path(image: str, images: str | None, depth: str) -> str:
+    """Where an image's depth is looked for, below the root; the same for folders."""
     if images is None:
-        return f"{depth}/{stem(image)}"
-    parts = stem(image).split("/")
+        return f"{depth}/{image}"
+    parts = image.split("/")
     parts[parts.index(images)] = depth
     return "/".join(parts)
 

@@ -101,17 +101,11 @@ def files_below(folder: Path) -> Iterator[tuple[str, list[str]]]:
     waiting = [""]
     while waiting:
         below = waiting.pop()
-        here = folder / below
-        status = here.stat()
+        status = (folder / below).stat()
         if (status.st_dev, status.st_ino) in seen:
             continue
         seen.add((status.st_dev, status.st_ino))
-        files: list[str] = []
-        folders: list[str] = []
-        with os.scandir(here) as entries:
-            for entry in entries:
-                if not entry.name.startswith("."):
-                    (folders if entry.is_dir() else files).append(entry.name)
+        files, folders = _entries(folder / below)
         yield below, sorted(files)
         waiting += [f"{below}{name}/" for name in sorted(folders, reverse=True)]
 
@@ -124,12 +118,25 @@ def folders_with(folder: Path, *wanted: str) -> Iterator[str]:
     waiting = [""]
     while waiting:
         below = waiting.pop()
-        with os.scandir(folder / below) as entries:
-            names = {e.name for e in entries if e.is_dir() and not e.name.startswith(".")}
-        if names.issuperset(wanted):
+        names = _entries(folder / below)[1]
+        if set(names).issuperset(wanted):
             yield below.rstrip("/")
         else:
             waiting += [f"{below}{name}/" for name in sorted(names, reverse=True)]
+
+
+def _entries(folder: Path) -> tuple[list[str], list[str]]:
+    """Names of the files and of the folders in a folder, without hidden ones."""
+    files: list[str] = []
+    folders: list[str] = []
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if not entry.name.startswith("."):
+                    (folders if entry.is_dir() else files).append(entry.name)
+    except OSError as error:
+        raise RsaDataError(f"{folder}: cannot be listed: {error.strerror}") from error
+    return files, folders
 
 
 def is_image(name: str) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 
 from ..errors import RsaDataError, UsageError
@@ -14,6 +13,7 @@ from . import Dataset
 from .cameras import UNKNOWN, read_matrix
 from .depth_files import png16
 from .listing import Sample, folders_with, guide, inside, is_image, lines, require_folder, to_table
+from .pairing import nearest
 
 # Microseconds from a colour frame to its depth frame: one frame at 30 Hz. The streams are not
 # synchronised, and depth frames get lost.
@@ -78,12 +78,9 @@ def _pairs(sequence: Path, every: int) -> Iterator[tuple[str, str | None]]:
 
     Names are NUMBER-TIME, time in microseconds. Without a depth frame within one frame: None.
     """
-    images, depths = _timed(sequence / "image"), _timed(sequence / "depth")
-    times = np.array([time for time, _ in depths], np.int64)
-    for time, image in images[::every]:
-        nearest = int(np.argmin(np.abs(times - time))) if depths else -1
-        near = depths and abs(times[nearest] - time) <= _FRAME
-        yield image, depths[nearest][1] if near else None
+    images = _timed(sequence / "image")[::every]
+    depths = nearest([time for time, _ in images], _timed(sequence / "depth"), _FRAME)
+    yield from zip((name for _, name in images), depths, strict=True)
 
 
 def _timed(folder: Path) -> list[tuple[int, str]]:
