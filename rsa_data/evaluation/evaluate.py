@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
@@ -16,6 +17,10 @@ from .methods import Method, by_constant, by_head, oracle_methods
 from .protocols import PROTOCOLS, Rules, rules
 from .rows import measure
 from .summary import Row, summarise
+
+if TYPE_CHECKING:
+    from ..heads.checkpoint import ScaleHead
+    from ..heads.examples import Source
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,7 @@ def evaluate(
     *,
     head: str = "head",
     datasets: tuple[str, ...] = (),
+    beside: tuple[str, ...] = (),
     protocol: str = "rsa",
     split: str = "test",
     draws: int = 1000,
@@ -49,6 +55,7 @@ def evaluate(
     head : name of a head in the work dir.
     datasets : datasets of the work dir; none means all that have the split. One that the head was
         not trained on is measured too and marked zero-shot.
+    beside : further heads of the work dir to measure in the same table, such as controls.
     protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
     split : what to evaluate on; its depth must be stored as whole maps.
     draws : resamplings of scenes for the confidence intervals; 0 for none.
@@ -67,11 +74,17 @@ def evaluate(
     ranges = {name: rules_of(work, name, protocol) for name in sources}
     depths = {name: source.depth for name, source in sources.items()}
     limits = {name: (rule.min_depth, rule.max_depth) for name, rule in ranges.items()}
+    others = {name: ScaleHead.load(f"{work.store.location}/heads/{name}") for name in beside}
+    for other in others.values():
+        tables_of(work, other.description, list(sources))
     constants = fit_constants(work, depths, limits, about.get("datasets", {}))
     found = []
     for name, source in sources.items():
         methods: dict[str, Method] = {
-            "head": by_head(loaded, source.embeddings, source.captions or None),
+            label_of(name, other): head_method(other, source)
+            for name, other in {"head": loaded, **others}.items()
+        }
+        methods |= {
             **{label: by_constant(*pair) for label, pair in constants[name].items()},
             **oracle_methods(ranges[name].max_depth),
         }
@@ -83,6 +96,29 @@ def evaluate(
     title = f"head {head}: protocol {protocol}, {split} split"
     summary = output.write(work, folder, table, rows, title, notes(about, rows, protocol))
     return Evaluation(table, rows, summary, folder)
+
+
+_CONTROLS = {"shuffled": "captions shuffled", "dataset": "dataset name only"}
+
+
+def label_of(name: str, head: "ScaleHead") -> str:
+    """What a table calls a head: its name, or what kind of control it is."""
+    return _CONTROLS.get(head.description.get("options", {}).get("control", "none"), name)
+
+
+def head_method(head: "ScaleHead", source: "Source") -> Method:
+    """A head on a dataset's tables; a control sees no more than it was trained to see."""
+    from ..heads.controls import controlled_features
+
+    options = head.description.get("options", {})
+    see = partial(
+        controlled_features,
+        control=options.get("control", "none"),
+        seed=options.get("seed", 0),
+        dataset=source.dataset,
+        datasets=list(head.description.get("datasets", {})),
+    )
+    return by_head(head, source.embeddings, source.captions or None, see=see)
 
 
 def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:

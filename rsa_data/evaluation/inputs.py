@@ -59,14 +59,14 @@ class TestPart:
         stored = tables.embedding_array(table)
         ids = pa.array([s["sample_id"] for s in self.samples])
         if captions is None:
-            rows = _rows(ids, table["sample_id"])
+            rows = rows_of(ids, table["sample_id"])
         else:
             texts = self.work.table(self.dataset, captions).read(
                 self.number, ["sample_id", "variant", "text_id"]
             )
             texts = texts.filter(pc.equal(texts["variant"], variant))
-            caption = _rows(ids, texts["sample_id"])
-            rows = _rows(texts["text_id"], table["text_id"])
+            caption = rows_of(ids, texts["sample_id"])
+            rows = rows_of(texts["text_id"], table["text_id"])
             if (rows < 0).any():
                 raise RsaDataError(
                     f"{self.dataset}/{embeddings} part {self.number}: {int((rows < 0).sum())} "
@@ -112,11 +112,7 @@ def _image(number: int, sample: dict[str, Any], row: dict[str, Any], rules: Rule
     return Image(number, sample, y[valid].astype(np.float64), gt[valid].astype(np.float64), valid)
 
 
-def _rows(values: Any, among: Any) -> np.ndarray:
+def rows_of(values: Any, among: Any) -> np.ndarray:
     """Row of each value among others, int64, -1 where it is not there."""
     found = pc.fill_null(pc.index_in(values, value_set=among.combine_chunks()), -1)
-    return (
-        found.to_numpy(zero_copy_only=False).astype(np.int64)
-        if isinstance(found, pa.Array)
-        else found.to_numpy().astype(np.int64)
-    )
+    return np.asarray(found).astype(np.int64)

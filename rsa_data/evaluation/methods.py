@@ -29,11 +29,22 @@ Method = Callable[[TestPart], Callable[[Image], Prediction]]
 Head = Callable[[np.ndarray], tuple[Any, Any]]
 
 
-def by_head(head: Head, embeddings: str, captions: str | None, variant: int = 0) -> Method:
-    """The scale and shift that a head gives for each image's feature."""
+def by_head(
+    head: Head,
+    embeddings: str,
+    captions: str | None,
+    variant: int = 0,
+    see: Callable[..., np.ndarray] | None = None,
+) -> Method:
+    """The scale and shift that a head gives for each image's feature.
+
+    see : (features, which images have one, part=number) -> the features that a control head sees.
+    """
 
     def method(part: TestPart) -> Callable[[Image], Prediction]:
         features, there = part.features(embeddings, captions, variant)
+        if see is not None:
+            features = see(features, there, part=part.number)
         scales, shifts = np.zeros(len(there)), np.zeros(len(there))
         if there.any():
             scales[there], shifts[there] = head(features[there])
