@@ -137,7 +137,7 @@ def of_three_channels(root):
     [
         (broken_depth, "a.depth.png: not a readable PNG"),
         (no_valid_depth, "no valid pixel"),
-        (no_relative, "a: expected relative depth in a.npy or .png; found neither"),
+        (no_relative, "a: expected a map in a.npy or .png; found neither"),
         (truncated_relative, "a.npy: not a readable .npy array"),
         (too_large_for_float16, "too large for float16"),
         (infinite, "too large for float16"),

@@ -11,7 +11,7 @@ from made_tables import write
 
 from rsa_data import depth_errors
 from rsa_data.errors import RsaDataError, UsageError
-from rsa_data.evaluation import evaluate as module
+from rsa_data.evaluation import setting
 from rsa_data.evaluation.evaluate import evaluate
 from rsa_data.evaluation.metrics import METRICS
 from rsa_data.evaluation.summary import interval
@@ -132,9 +132,9 @@ def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
 
 def test_monodepth2_scales_by_the_median(work, monkeypatch):
     # The crop of NYU is for frames of 640x480 px: let the small ones be a dataset of no crop.
-    kinds = module.rules
+    kinds = setting.rules
     monkeypatch.setattr(
-        module, "rules", lambda protocol, dataset, kind: kinds(protocol, dataset, "folder")
+        setting, "rules", lambda protocol, dataset, kind: kinds(protocol, dataset, "folder")
     )
     frame = evaluate(work, protocol="monodepth2").table.to_pandas()
     head = frame[frame["method"] == "head"].to_dict("records")
@@ -169,7 +169,7 @@ def test_wrong_calls(work, options, error, says):
 def test_tables_that_are_not_the_heads_are_refused(work):
     other = {"encoder": "minilm", "store": "float16", "normalize": True, "threads": 2}
     images(work, "void", 8, "test", encoder=other)
-    with pytest.raises(RsaDataError, match="head and embeddings.*normalize"):
+    with pytest.raises(RsaDataError, match=r"head and embeddings.*normalize"):
         evaluate(work)
 
 

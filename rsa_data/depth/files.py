@@ -33,21 +33,27 @@ def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) 
 
 
 def read(folder: Path, stem: str, holds: str = "relative") -> Relative:
+    """The relative depth `folder/stem.npy`, or `.png`, see `read_map`.
+
+    `relative` is taken as it is, a PNG's value / 65535, so 0 to 1; `depth` is in m, a PNG's in mm,
+    and y is its inverse.
+    """
+    values = read_map(folder, stem, 65535 if holds == "relative" else 1000)
+    return Relative(values if holds == "relative" else inverse(values))
+
+
+def read_map(folder: Path, stem: str, unit: float) -> np.ndarray:
     """The map `folder/stem.npy`, or `folder/stem.png` when there is no such array.
 
-    A .npy is a float or integer array of shape (h, w); NaN says that there is none. A PNG has 16
-    bits: `relative` is the value / 65535, so 0 to 1; `depth` is in mm, 0 where there is none.
+    A .npy is a float or integer array of shape (h, w), NaN where there is nothing; a PNG has one
+    channel of 16 bits, whose values are divided by `unit`. Returns float32 of shape (h, w).
     Raises RowError, naming the file relative to the folder.
     """
     if (folder / f"{stem}.npy").is_file():
-        name = f"{stem}.npy"
-        values = _array(folder / name, name)
-    elif (folder / f"{stem}.png").is_file():
-        name = f"{stem}.png"
-        values = _png(folder / name, name) / np.float32(65535 if holds == "relative" else 1000)
-    else:
-        raise RowError(f"{stem}: expected relative depth in {stem}.npy or .png; found neither")
-    return Relative(values if holds == "relative" else inverse(values))
+        return _array(folder / f"{stem}.npy", f"{stem}.npy")
+    if (folder / f"{stem}.png").is_file():
+        return _png(folder / f"{stem}.png", f"{stem}.png") / np.float32(unit)
+    raise RowError(f"{stem}: expected a map in {stem}.npy or .png; found neither")
 
 
 def inverse(depth: np.ndarray) -> np.ndarray:

@@ -2,25 +2,22 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 
-from .. import index, registry
-from ..errors import RsaDataError
+from .. import registry
+from ..errors import UsageError
 from ..parts import Work
 from . import output
 from .constants import fit_constants
-from .inputs import TestPart
-from .methods import Method, by_constant, by_head, oracle_methods
-from .protocols import PROTOCOLS, Rules, rules
+from .external import external_methods
+from .methods import Method, by_constant, head_method, label_of, oracle_methods
+from .paper import paper_rows
+from .protocols import PROTOCOLS
 from .rows import measure
+from .setting import parts_of, rules_of, tables_of, with_split
 from .summary import Row, summarise
-
-if TYPE_CHECKING:
-    from ..heads.checkpoint import ScaleHead
-    from ..heads.examples import Source
 
 
 @dataclass(frozen=True)
@@ -44,8 +41,10 @@ def evaluate(
     head: str = "head",
     datasets: tuple[str, ...] = (),
     beside: tuple[str, ...] = (),
+    external: tuple[str, ...] = (),
     protocol: str = "rsa",
     split: str = "test",
+    compare: str | None = None,
     draws: int = 1000,
 ) -> Evaluation:
     """Measures a head on whole maps of the test splits, beside oracles and constants.
@@ -56,8 +55,11 @@ def evaluate(
     datasets : datasets of the work dir; none means all that have the split. One that the head was
         not trained on is measured too and marked zero-shot.
     beside : further heads of the work dir to measure in the same table, such as controls.
+    external : NAME=DIR, metric depth of another model as DIR/IMAGE.npy in m or 16-bit PNG in mm,
+        or below DIR/DATASET where there are several.
     protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
     split : what to evaluate on; its depth must be stored as whole maps.
+    compare : paper adds the paper's rows where the conditions are the same, and says why not.
     draws : resamplings of scenes for the confidence intervals; 0 for none.
 
     Writes the metrics of each image (Parquet) and the summary (Markdown, LaTeX, CSV) to
@@ -68,125 +70,53 @@ def evaluate(
 
     if protocol not in PROTOCOLS:
         raise registry.unknown("protocol", protocol, PROTOCOLS)
-    loaded = ScaleHead.load(f"{work.store.location}/heads/{head}")
-    about = loaded.description
-    sources = tables_of(work, about, with_split(work, datasets, split))
-    ranges = {name: rules_of(work, name, protocol) for name in sources}
-    depths = {name: source.depth for name, source in sources.items()}
+    if compare not in (None, "paper"):
+        raise UsageError(f"--compare: expected paper, found {compare!r}")
+    heads = {
+        name: ScaleHead.load(f"{work.store.location}/heads/{name}") for name in (head, *beside)
+    }
+    about = heads[head].description
+    names = with_split(work, datasets, split)
+    tables = {name: tables_of(work, other.description, names) for name, other in heads.items()}
+    ranges = {name: rules_of(work, name, protocol) for name in names}
+    depths = {name: source.depth for name, source in tables[head].items()}
     limits = {name: (rule.min_depth, rule.max_depth) for name, rule in ranges.items()}
-    others = {name: ScaleHead.load(f"{work.store.location}/heads/{name}") for name in beside}
-    for other in others.values():
-        tables_of(work, other.description, list(sources))
     constants = fit_constants(work, depths, limits, about.get("datasets", {}))
-    found = []
-    for name, source in sources.items():
+    found, theirs, said = [], [], []
+    for name in names:
         methods: dict[str, Method] = {
-            label_of(name, other): head_method(other, source)
-            for name, other in {"head": loaded, **others}.items()
+            "head" if label == head else label_of(label, other): head_method(
+                other, tables[label][name]
+            )
+            for label, other in heads.items()
         }
         methods |= {
+            **external_methods(external, name),
             **{label: by_constant(*pair) for label, pair in constants[name].items()},
             **oracle_methods(ranges[name].max_depth),
         }
-        parts = parts_of(work, name, source.depth, split)
+        parts = parts_of(work, name, depths[name], split)
         found.append(measure(parts, methods, ranges[name], bar))
+        if compare:
+            depth = work.table(name, depths[name])
+            rows, notes_ = paper_rows(
+                name,
+                work.table(name, "samples").description()["options"]["dataset"],
+                split=split,
+                protocol=protocol,
+                images=sum(depth.receipt(p.number)["ok"] for p in parts),
+                model=depth.name.partition("/")[2],
+                options=depth.description()["options"],
+            )
+            theirs += rows
+            said += notes_
     table = pa.concat_tables(found)
     rows = summarise(table, draws)
+    said = notes(about, rows, protocol) + said
+    shown = [row for name in names for row in (*rows, *theirs) if row.dataset == name]
     folder = f"heads/{head}/evaluation/{protocol}"
     title = f"head {head}: protocol {protocol}, {split} split"
-    summary = output.write(work, folder, table, rows, title, notes(about, rows, protocol))
-    return Evaluation(table, rows, summary, folder)
-
-
-_CONTROLS = {"shuffled": "captions shuffled", "dataset": "dataset name only"}
-
-
-def label_of(name: str, head: "ScaleHead") -> str:
-    """What a table calls a head: its name, or what kind of control it is."""
-    return _CONTROLS.get(head.description.get("options", {}).get("control", "none"), name)
-
-
-def head_method(head: "ScaleHead", source: "Source") -> Method:
-    """A head on a dataset's tables; a control sees no more than it was trained to see."""
-    from ..heads.controls import controlled_features
-
-    options = head.description.get("options", {})
-    see = partial(
-        controlled_features,
-        control=options.get("control", "none"),
-        seed=options.get("seed", 0),
-        dataset=source.dataset,
-        datasets=list(head.description.get("datasets", {})),
-    )
-    return by_head(head, source.embeddings, source.captions or None, see=see)
-
-
-def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:
-    """The datasets asked for, or all of the work dir that have the split.
-
-    Raises UsageError for one that is not there, RsaDataError when none has the split.
-    """
-    there = work.datasets()
-    for name in datasets:
-        if name not in there:
-            raise registry.unknown("dataset in this work dir", name, there)
-    splits = {}
-    for name in datasets or there:
-        samples = work.table(name, "samples")
-        splits[name] = {samples.receipt(n)["split"] for n in samples.parts()}
-    chosen = [name for name, has in splits.items() if split in has]
-    if missing := sorted(set(datasets) - set(chosen)):
-        found = ", ".join(sorted(splits[missing[0]]))
-        raise RsaDataError(f"{missing[0]}: expected the split {split!r}; found {found}")
-    if not chosen:
-        raise RsaDataError(
-            f"{work.store.location}: no dataset there has the split {split!r}: index one with "
-            "`rsa-data captions --dataset NAME`"
-        )
-    return chosen
-
-
-def tables_of(work: Work, about: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """The tables of each dataset that the head described by `about` can be evaluated with.
-
-    Raises RsaDataError when they are missing, or made otherwise than those it was trained on.
-    """
-    from ..heads import belong
-
-    features, model = about["features"], about["depth_model"]
-    sources = belong.sources(work, names, features["style"], features["encoder"], model["model"])
-    for source in sources:
-        embeddings = work.table(source.dataset, source.embeddings)
-        depth = work.table(source.dataset, source.depth)
-        trained = {k: v for k, v in features.items() if k != "dim"}
-        belong.same(
-            "head and embeddings",
-            {"the head": trained, str(embeddings): belong.features_identity(embeddings)},
-        )
-        found, geometry = belong.depth_identity(depth)
-        wanted = {k: v for k, v in model.items() if k != "geometry"}
-        belong.same("head and depth", {"the head": wanted, str(depth): found})
-        if (trained_at := model["geometry"].get(source.dataset)) is not None:
-            belong.same("head and depth", {"the head": trained_at, str(depth): geometry})
-    return {source.dataset: source for source in sources}
-
-
-def rules_of(work: Work, name: str, protocol: str) -> Rules:
-    """The protocol's rules for a dataset of the work dir."""
-    kind = work.table(name, "samples").description()["options"]["dataset"]
-    return rules(protocol, index.load_dataset(work, name), kind)
-
-
-def parts_of(work: Work, name: str, depth: str, split: str) -> list[TestPart]:
-    """The parts of a split, in order. Raises RsaDataError where depth is not done for all."""
-    samples, table = work.table(name, "samples"), work.table(name, depth)
-    numbers = [n for n in samples.parts() if samples.receipt(n)["split"] == split]
-    if missing := set(numbers) - set(table.parts()):
-        raise RsaDataError(
-            f"{table}: {len(missing)} of {len(numbers)} parts of the {split} split are not done. "
-            f"Run `rsa-data depth --dataset {name} --split {split}`"
-        )
-    return [TestPart(work, name, n, depth) for n in numbers]
+    return Evaluation(table, rows, output.write(work, folder, table, shown, title, said), folder)
 
 
 def notes(about: Mapping[str, Any], rows: Sequence[Row], protocol: str) -> list[str]:

@@ -2,13 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import RowError
 from . import oracles
 from .inputs import Image, TestPart
+
+if TYPE_CHECKING:
+    from ..heads.checkpoint import ScaleHead
+    from ..heads.examples import Source
 
 
 @dataclass(frozen=True)
@@ -92,3 +97,26 @@ def oracle_methods(max_depth: float) -> Mapping[str, Method]:
 def scaled(image: Image, scale: float, shift: float) -> Prediction:
     """The prediction of a scale and shift."""
     return Prediction(oracles.metric(image.y, scale, shift), scale, shift)
+
+
+_CONTROLS = {"shuffled": "captions shuffled", "dataset": "dataset name only"}
+
+
+def label_of(name: str, head: "ScaleHead") -> str:
+    """What a table calls a head: its name, or what kind of control it is."""
+    return _CONTROLS.get(head.description.get("options", {}).get("control", "none"), name)
+
+
+def head_method(head: "ScaleHead", source: "Source") -> Method:
+    """A head on a dataset's tables; a control sees no more than it was trained to see."""
+    from ..heads.controls import controlled_features
+
+    options = head.description.get("options", {})
+    see = partial(
+        controlled_features,
+        control=options.get("control", "none"),
+        seed=options.get("seed", 0),
+        dataset=source.dataset,
+        datasets=list(head.description.get("datasets", {})),
+    )
+    return by_head(head, source.embeddings, source.captions or None, see=see)

@@ -1,0 +1,81 @@
+"""What an evaluation works on: datasets with the split, the tables that belong to a head, rules."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .. import index, registry
+from ..errors import RsaDataError
+from ..parts import Work
+from .inputs import TestPart
+from .protocols import Rules, rules
+
+if TYPE_CHECKING:
+    from ..heads.examples import Source
+
+
+def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:
+    """The datasets asked for, or all of the work dir that have the split.
+
+    Raises UsageError for one that is not there, RsaDataError when none has the split.
+    """
+    there = work.datasets()
+    for name in datasets:
+        if name not in there:
+            raise registry.unknown("dataset in this work dir", name, there)
+    splits = {}
+    for name in datasets or there:
+        samples = work.table(name, "samples")
+        splits[name] = {samples.receipt(n)["split"] for n in samples.parts()}
+    chosen = [name for name, has in splits.items() if split in has]
+    if missing := sorted(set(datasets) - set(chosen)):
+        found = ", ".join(sorted(splits[missing[0]]))
+        raise RsaDataError(f"{missing[0]}: expected the split {split!r}; found {found}")
+    if not chosen:
+        raise RsaDataError(
+            f"{work.store.location}: no dataset there has the split {split!r}: index one with "
+            "`rsa-data captions --dataset NAME`"
+        )
+    return chosen
+
+
+def tables_of(work: Work, about: Mapping[str, Any], names: Sequence[str]) -> "dict[str, Source]":
+    """The tables of each dataset that the head described by `about` can be evaluated with.
+
+    Raises RsaDataError when they are missing, or made otherwise than those it was trained on.
+    """
+    from ..heads import belong
+
+    features, model = about["features"], about["depth_model"]
+    sources = belong.sources(work, names, features["style"], features["encoder"], model["model"])
+    for source in sources:
+        embeddings = work.table(source.dataset, source.embeddings)
+        depth = work.table(source.dataset, source.depth)
+        trained = {k: v for k, v in features.items() if k != "dim"}
+        belong.same(
+            "head and embeddings",
+            {"the head": trained, str(embeddings): belong.features_identity(embeddings)},
+        )
+        found, geometry = belong.depth_identity(depth)
+        wanted = {k: v for k, v in model.items() if k != "geometry"}
+        belong.same("head and depth", {"the head": wanted, str(depth): found})
+        if (trained_at := model["geometry"].get(source.dataset)) is not None:
+            belong.same("head and depth", {"the head": trained_at, str(depth): geometry})
+    return {source.dataset: source for source in sources}
+
+
+def rules_of(work: Work, name: str, protocol: str) -> Rules:
+    """The protocol's rules for a dataset of the work dir."""
+    kind = work.table(name, "samples").description()["options"]["dataset"]
+    return rules(protocol, index.load_dataset(work, name), kind)
+
+
+def parts_of(work: Work, name: str, depth: str, split: str) -> list[TestPart]:
+    """The parts of a split, in order. Raises RsaDataError where depth is not done for all."""
+    samples, table = work.table(name, "samples"), work.table(name, depth)
+    numbers = [n for n in samples.parts() if samples.receipt(n)["split"] == split]
+    if missing := set(numbers) - set(table.parts()):
+        raise RsaDataError(
+            f"{table}: {len(missing)} of {len(numbers)} parts of the {split} split are not done. "
+            f"Run `rsa-data depth --dataset {name} --split {split}`"
+        )
+    return [TestPart(work, name, n, depth) for n in numbers]
