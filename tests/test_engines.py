@@ -1,0 +1,179 @@
+"""Engines: the same bytes from one process, several, and Ray; what dies does not take parts along."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import rooms
+
+from rsa_data import engines, run, stages
+from rsa_data.engines import How, Task
+from rsa_data.errors import RsaDataError, TransientError
+from rsa_data.logs import last_run, rate
+from rsa_data.parts import Work
+
+ENGINES = [
+    pytest.param(How(workers=1), id="here"),
+    pytest.param(How(workers=2), id="local-2"),
+    pytest.param(How(workers=4), id="local-4"),
+    pytest.param(How("ray", workers=1), id="ray-1", marks=pytest.mark.ray),
+    pytest.param(How("ray", workers=2), id="ray-2", marks=pytest.mark.ray),
+]
+MANY = [
+    pytest.param(How(workers=2), id="local"),
+    pytest.param(How("ray", workers=2), id="ray", marks=pytest.mark.ray),
+]
+
+
+def files(work: Work, table: str = "captions/occupancy") -> dict[str, bytes | None]:
+    """Every file of a table by name: the whole content, hidden files included."""
+    folder = Path(work.store.location) / "rooms" / table
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> dict[str, bytes | None]:
+    work = rooms.made(tmp_path_factory.mktemp("undisturbed"))
+    run.run(rooms.captions_job(work), bar=rooms.NoBar)
+    return files(work)
+
+
+@pytest.fixture(autouse=True)
+def ray_if_marked(request):
+    if request.node.get_closest_marker("ray"):
+        pytest.importorskip("ray")
+
+
+@pytest.mark.parametrize("how", ENGINES)
+@pytest.mark.filterwarnings("ignore")  # Ray's own
+def test_all_engines_give_the_same_bytes(tmp_path, how, undisturbed):
+    work = rooms.made(tmp_path)
+    bar = rooms.NoBar()
+    summary = run.run(rooms.captions_job(work), engine=how, bar=lambda title, total: bar)
+    assert (summary.done, summary.ok, summary.undone, bar.rows) == (4, 200, {}, 200)
+    assert files(work) == undisturbed
+
+
+@pytest.mark.parametrize("how", MANY)
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_that_dies_once_costs_nothing(tmp_path, how, undisturbed, monkeypatch):
+    work = rooms.made(tmp_path)
+    # Each process dies at its second commit; another one is begun for the part.
+    monkeypatch.setenv("RSA_DATA_FAILPOINT", "receipt:2")
+    summary = run.run(rooms.captions_job(work), engine=how, bar=rooms.NoBar)
+    assert (summary.done, summary.undone) == (4, {})
+    assert files(work) == undisturbed
+
+
+@pytest.mark.parametrize("how", MANY)
+@pytest.mark.filterwarnings("ignore")
+def test_workers_that_die_again_and_again_end_the_run(tmp_path, how, undisturbed, monkeypatch):
+    work = rooms.made(tmp_path)
+    monkeypatch.setenv("RSA_DATA_FAILPOINT", "receipt")
+    with pytest.raises(RsaDataError, match="workers died one after the other; the last one"):
+        run.run(rooms.captions_job(work), engine=how, bar=rooms.NoBar)
+    monkeypatch.delenv("RSA_DATA_FAILPOINT")
+    run.run(rooms.captions_job(work), engine=how, bar=rooms.NoBar)
+    assert files(work) == undisturbed
+
+
+@pytest.mark.parametrize("how", MANY)
+@pytest.mark.filterwarnings("ignore")
+def test_a_stage_that_cannot_begin_says_why(tmp_path, how):
+    work = rooms.made(tmp_path)
+    job = rooms.captions_job(work, digits=7)
+    with pytest.raises(RsaDataError, match="digits: expected 0 to 3, found 7"):
+        list(engines.run(job, stages.describe(job), [Task(0), Task(1)], how))
+
+
+def test_a_worker_over_its_memory_limit_is_ended_and_named(tmp_path):
+    work = rooms.made(tmp_path, parts=2)
+    with pytest.raises(RsaDataError, match=r"held more than the 1,000,000 bytes of --memory-limit"):
+        run.run(rooms.captions_job(work), engine=How(memory=10**6), bar=rooms.NoBar)
+    run.run(rooms.captions_job(work), engine=How(memory=8 * 10**9), bar=rooms.NoBar)
+
+
+class Lossy:
+    """A crew of one worker that dies on part 1 each time, and on nothing else."""
+
+    def __init__(self):
+        self.begun, self.waiting = 0, []
+
+    def start(self):
+        self.begun += 1
+        self.waiting.append(engines.News(self.begun, "ready"))
+        return self.begun
+
+    def give(self, worker, task):
+        news = engines.Result(task.number, {"part": task.number})
+        kind, value = ("died", "burnt") if task.number == 1 else ("result", news)
+        self.waiting.append(engines.News(worker, kind, value))
+
+    def news(self, seconds):
+        told, self.waiting = self.waiting, []
+        return told
+
+    def stop(self):
+        pass
+
+
+def test_a_part_that_kills_its_worker_is_left_undone_and_the_others_are_done(monkeypatch):
+    crew = Lossy()
+    monkeypatch.setitem(engines.ENGINES, "lossy", "nowhere:nothing")
+    monkeypatch.setattr(engines.registry, "resolve", lambda *_: lambda *given: crew)
+    results = list(engines.run(None, {}, [Task(n) for n in range(4)], How("lossy")))
+    done = {r.number: r.receipt for r in results if r.error is None}
+    undone = {r.number: str(r.error) for r in results if r.error is not None}
+    assert sorted(done) == [0, 2, 3]
+    assert undone == {1: "its worker died 3 times; the last one burnt"}
+    assert isinstance(results[-1].error, TransientError) and crew.begun == 3
+
+
+@pytest.mark.parametrize("signal_", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_stopped_command_exits_130_leaves_no_process_and_goes_on(tmp_path, signal_, workers):
+    work = rooms.made(tmp_path, parts=40, rows=2000)
+    words = [sys.executable, "-m", "rsa_data.cli", "captions", "--dataset", "rooms"]
+    words += ["--segments", "labels", "--work", str(tmp_path), "--workers", str(workers)]
+    process = subprocess.Popen(
+        words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    table = work.table("rooms", "captions/occupancy")
+    wait_until(lambda: len(table.parts()) >= 2 or process.poll() is not None)
+    os.killpg(process.pid, signal_)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, out + err
+    assert err.strip().endswith("run the same command again to go on."), err
+    assert "Traceback" not in err
+    wait_until(lambda: not in_group(process.pid))
+    assert 2 <= len(table.parts()) < 40
+    again = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert again.returncode == 0, again.stderr
+    assert table.parts() == list(range(40))
+    assert not [name for name in files(work) if name.startswith(".")]
+    assert rate(last_run(work, "rooms", "captions/occupancy")) > 0
+
+
+def wait_until(true, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def in_group(group: int) -> list[str]:
+    """Commands of the live processes in a process group."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            _, _, rest = stat.read_text().rpartition(")")
+        except OSError:
+            continue
+        state, _, its_group = rest.split()[:3]
+        if int(its_group) == group and state != "Z":
+            found.append(stat.parent.name)
+    return found
