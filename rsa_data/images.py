@@ -7,6 +7,7 @@ works in threads, and raises on a truncated file where OpenCV may return what it
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -49,7 +50,7 @@ def read_image(path: Path, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     except MemoryError:
         raise
     except Exception as error:  # Pillow's decoders raise nearly every built-in kind
-        raise RowError(f"unreadable {image.format} image: {error}") from error
+        raise RowError(f"unreadable {image.format} image: {reason(error)}") from error
     return np.ascontiguousarray(_turned(pixels, _orientation(image)))
 
 
@@ -76,6 +77,11 @@ def read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise _file_error(error, path) from error
+
+
+def reason(error: Exception) -> str:
+    """What a library says of a broken file, the same on every run: without addresses of objects."""
+    return re.sub(r" at 0x[0-9a-f]+", "", str(error)) or type(error).__name__
 
 
 def _file_error(error: OSError, path: Path) -> RowError | TransientError:
@@ -115,7 +121,7 @@ def _open(file: BinaryIO) -> ImageFile:
             try:
                 return kind(file)
             except Exception as error:  # see read_image
-                raise RowError(f"unreadable {kind.format} image: {error}") from error
+                raise RowError(f"unreadable {kind.format} image: {reason(error)}") from error
     found = f"a file that begins with {head!r}" if head else "an empty file"
     raise RowError(f"expected {_KINDS}, found {found}")
 

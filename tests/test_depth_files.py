@@ -83,6 +83,10 @@ BROKEN_NPY = {
     "truth values": (npy_bytes(np.zeros((2, 2), bool)), "found bool of shape (2, 2)"),
     "pickle": (npy_bytes(np.array([[None]]), allow_pickle=True), "unreadable .npy"),
     "cut": (npy_bytes(np.zeros((4, 4)))[:-1], "unreadable .npy"),
+    "a header with a name in it": (
+        npy_bytes(VALUES).replace(b"False", b"Felse"),
+        "malformed node or string on line 1: <ast.Name object>",
+    ),
     "not an array": (b"hello", "unreadable .npy"),
 }
 

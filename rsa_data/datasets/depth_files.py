@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import RowError
-from ..images import MAX_PIXELS, read_bytes
+from ..images import MAX_PIXELS, read_bytes, reason
 
 # Units in a metre.
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
@@ -76,7 +76,7 @@ def read_png16(path: Path) -> np.ndarray:
     except MemoryError:
         raise
     except Exception as error:  # Pillow's decoders raise nearly every built-in kind
-        raise RowError(f"depth: unreadable PNG: {error}") from error
+        raise RowError(f"depth: unreadable PNG: {reason(error)}") from error
 
 
 def npy(per_metre: float) -> Callable[[Path], np.ndarray]:
@@ -97,7 +97,7 @@ def npy(per_metre: float) -> Callable[[Path], np.ndarray]:
         except (
             Exception
         ) as error:  # a damaged header raises anything from SyntaxError to MemoryError
-            raise RowError(f"depth: unreadable .npy: {error}") from error
+            raise RowError(f"depth: unreadable .npy: {reason(error)}") from error
         if values.ndim != 2 or values.dtype.kind not in "fiu":
             raise RowError(
                 f"depth: expected numbers of shape (height, width), found {values.dtype} of shape "

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RowError, RsaDataError
-from ..images import read_bytes
+from ..images import read_bytes, reason
 from .listing import inside
 
 
@@ -128,7 +128,7 @@ def read_points(path: Path) -> np.ndarray:
     except RowError:
         raise
     except Exception as error:  # a damaged archive raises anything from KeyError to zlib.error
-        raise RowError(f"depth: unreadable point cloud: {error}") from error
+        raise RowError(f"depth: unreadable point cloud: {reason(error)}") from error
     return points[:, :3]
 
 
