@@ -91,6 +91,9 @@ DEPTH_MODELS = {
 
 HEADS = {
     "mlp5": "rsa_data.heads.mlp5:Mlp5",
+    "mlp3": "rsa_data.heads.mlp3:Mlp3",
+    "transformer": "rsa_data.heads.transformer:Transformer",
+    "linear": "rsa_data.heads.linear:Linear",
 }
 
 # Which pip extra brings the package that an import error names.

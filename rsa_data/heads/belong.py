@@ -48,11 +48,14 @@ def depth_identity(table: Parts) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def same(kind: str, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """The one identity that all have; found: where -> identity. Raises RsaDataError otherwise."""
+    """The identity that all have; found: where -> identity. Raises RsaDataError otherwise.
+
+    What is None in the first is not known there (an imported head) and goes with anything.
+    """
     (first, identity), *others = found.items()
     for where, other in others:
         for key in identity.keys() | other.keys():
-            if identity.get(key) != other.get(key):
+            if identity.get(key) is not None and identity[key] != other.get(key):
                 raise RsaDataError(
                     f"{kind} that do not belong together: {key} is {identity.get(key)!r} in "
                     f"{first} and {other.get(key)!r} in {where}. Make them again with the same "
@@ -158,10 +161,11 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
     options = {**features["options"], "weights": weights}
     paths = embed.files(**options)
     for name, path in paths.items():
-        if (found := file_sha256(str(path))) != features["files"].get(name):
+        known = (features["files"] or {}).get(name)
+        if known is not None and (found := file_sha256(str(path))) != known:
             raise RsaDataError(
                 f"encoder {features['encoder']}: the head was trained with another file {name}: "
-                f"expected sha256 {features['files'].get(name)}; found {found} in {path.name}"
+                f"expected sha256 {known}; found {found} in {path.name}"
             )
     ids = [hashlib.blake2b(text.encode(), digest_size=16).digest() for text in captions]
     table = pa.table({"text": pa.array(captions), "text_id": pa.array(ids, pa.binary(16))})

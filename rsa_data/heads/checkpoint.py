@@ -64,9 +64,7 @@ class ScaleHead:
             found = description["format"]
             description["architecture"]["name"], description["features"]["dim"]
         except (ValueError, KeyError, TypeError) as error:
-            raise RsaDataError(
-                f"{path}/head.json: not the description of a head: {error!r}"
-            ) from error
+            raise RsaDataError(f"{path}/head.json: does not describe a head: {error!r}") from error
         if found != FORMAT:
             raise RsaDataError(
                 f"{path}/head.json: expected format {FORMAT}; found {found}: written by another "
