@@ -13,7 +13,7 @@ from made_segments import objects, samples, segments
 from rsa_data import registry, tables
 from rsa_data.captions.assemble import Column, texts
 from rsa_data.captions.choose import Chosen
-from rsa_data.captions.compose import Recipe, composer
+from rsa_data.captions.compose import Recipe, compose
 from rsa_data.captions.write import build
 from rsa_data.encoders.tokenizers import Tokenizer, clip
 from rsa_data.errors import RsaDataError
@@ -134,7 +134,7 @@ def test_tokenizers_that_do_not_add_up_are_asked_about_the_whole_text():
     table = segments({"a": ROOM, "b": ROOM[:1], "c": []})
     names = [s["label"] for s in ROOM]
     label = np.array([0, 1, 2, 3, 4, 5, 0], np.int32)
-    made = composer(recipe)(table, samples(table), label, names)
+    made = compose(recipe, table, samples(table), label, names)
     lengths = np.array([len(text) for text in made["text"].to_pylist()])
     assert made["n_tokens"].tolist() == (-(-lengths // 3) + 2).tolist()
     assert max(made["n_tokens"]) == 53
@@ -243,8 +243,8 @@ def test_shares_of_boxes_that_overlap_stop_at_the_whole_image():
 
 
 def test_too_many_segments_of_one_image():
-    table = segments({"a": objects(*[("bed", 0.1)] * 65_536)})
-    with pytest.raises(RsaDataError, match="nyuv2/train/a: expected at most 65535 segments"):
+    table = segments({"a": objects(*[("bed", 0.1)] * 60_001)})
+    with pytest.raises(RsaDataError, match="nyuv2/train/a: expected at most 60000 segments"):
         written(table)
 
 

@@ -8,30 +8,24 @@ import pyarrow as pa
 
 from .. import tables
 
+# By name; a text is an Arrow array, numbers are NumPy arrays.
+Columns = dict[str, pa.Array | np.ndarray]
 
-def caption_table(
-    sample_id: pa.ChunkedArray,
-    rows: np.ndarray,
-    variant: np.ndarray,
-    text: pa.Array,
-    columns: Mapping[str, np.ndarray],
-    metadata: Mapping[str, str],
-) -> pa.Table:
-    """A captions table.
 
-    rows, variant : integer arrays of shape (n,), for each text the row of its sample in
-        `sample_id` and its number there. columns : the other columns. metadata : how the texts
-        were made, kept with the field text.
+def caption_table(columns: Columns, metadata: Mapping[str, str]) -> pa.Table:
+    """A captions table from all its columns but text_id.
+
+    metadata : how the texts were made, kept with the field text.
     """
     schema = tables.schema("captions")
-    fixed = {
-        "sample_id": sample_id.combine_chunks().take(pa.array(rows)),
-        "variant": pa.array(variant, pa.int16()),
-        "text": (schema.field("text").with_metadata(dict(metadata)), text),
-        "text_id": text_ids(text),
-    }
-    numbers = {n: pa.array(c).cast(schema.field(n).type, safe=False) for n, c in columns.items()}
-    return tables.from_columns("captions", {**fixed, **numbers})
+    made = {"text_id": text_ids(columns["text"])}
+    for name, column in columns.items():
+        if isinstance(column, np.ndarray):
+            made[name] = pa.array(column).cast(schema.field(name).type, safe=False)
+        else:
+            made[name] = column
+    text = schema.field("text").with_metadata(dict(metadata)), made.pop("text")
+    return tables.from_columns("captions", {**made, "text": text})
 
 
 def text_ids(text: pa.Array) -> pa.Array:

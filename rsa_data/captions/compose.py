@@ -1,6 +1,6 @@
 """Captions of one block of images: objects, their cost in tokens, choice, text."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from itertools import count
@@ -12,9 +12,10 @@ from ..encoders.tokenizers import Tokenizer
 from . import augment, chance
 from .assemble import Column, texts
 from .choose import Chosen, choose
+from .columns import Columns
 from .objects import Objects, Which, from_segments
 from .styles import NOTHING, Wording
-from .words import word
+from .words import Word, word
 
 
 @dataclass(frozen=True)
@@ -43,103 +44,94 @@ class Recipe:
 # Times that a budget is widened where the tables overestimate.
 _LOOSENED = 8
 
-Columns = dict[str, pa.Array | np.ndarray]
 
-
-def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table, np.ndarray, list[str]], Columns]:
-    """(segments, their samples, label of each segment, names of the labels) -> caption columns.
+def compose(
+    recipe: Recipe, segments: pa.Table, samples: pa.Table, label: np.ndarray, names: list[str]
+) -> Columns:
+    """The columns of the captions of a block: text, n_tokens, n_objects, n_kept, area, area_kept.
 
     The images of a block times the variants are at most choose.CAPTIONS_A_BLOCK; all rows are ok.
+
+    samples : of the same images. label : int32 of shape (segments,), indices into `names`.
     """
-    tokenizer, wording = recipe.tokenizer, recipe.wording
-    tokens = partial(_tokens, tokenizer)
+    wording = recipe.wording
+    found = from_segments(segments, samples, label, recipe.objects, recipe.group)
+    keys = chance.caption_keys(recipe.seed, segments["sample_id"].to_pylist(), recipe.variants)
+    plain: np.ndarray = np.zeros(keys.shape, bool)  # (variants, images)
+    plain[0] = True
+    opening, of_image = _openings(wording, samples)
+    if recipe.replace or recipe.insert:
+        numbers = {name: number for number, name in enumerate(names)}
+        classes = augment.CLASSES[recipe.domain]
+        wrong = np.array([numbers.setdefault(name, len(numbers)) for name in classes])
+        names = list(numbers)
+        found = augment.with_wrong_objects(found, keys, plain, wrong, recipe.replace, recipe.insert)
+        of_image = np.repeat(of_image, recipe.variants)
+        keys, plain = keys.T.reshape(1, -1), plain.T.reshape(1, -1)  # (1, captions)
+    words = [word(name) for name in names]
+    phrase = wording.phrase(found, words, recipe.digits)
+    tokens = partial(_tokens, recipe.tokenizer)
+    between, last, closing = tokens((wording.between, wording.last, wording.closing))
+    cost = np.full(len(found.label), between, np.int32)
+    for column in phrase:
+        counts = tokens(tuple(column.strings))
+        cost += counts[0] if column.codes is None else counts[column.codes]
+    around = recipe.tokenizer.specials + tokens(opening)[of_image] + closing - between
+    before = Column(opening, of_image[found.image])
+    delete = _delete(found, recipe)
 
-    @cache
-    def adds_up(name: str) -> bool:
-        # A name may end in what the tokenizer joins with the comma that follows.
-        once, comma, end, twice = tokens((name, ",", "x", f"{name}, {name} x")).tolist()
-        return bool(twice == 2 * once + comma + end)
+    def attempt(budget: np.ndarray) -> tuple[Chosen, pa.Array]:
+        chosen = choose(found.first, cost, around, budget, keys, plain, delete, int(last - between))
+        signs = (wording.between, wording.last, wording.closing)
+        return chosen, texts(chosen, phrase, before, *signs, NOTHING)
 
-    def block(
-        segments: pa.Table, samples: pa.Table, label: np.ndarray, names: list[str]
-    ) -> Columns:
-        found = from_segments(segments, samples, label, recipe.objects, recipe.group)
-        keys = chance.caption_keys(
-            recipe.seed, segments["sample_id"].to_pylist(), recipe.variants
-        )  # (variants, images)
-        plain: np.ndarray = np.zeros(keys.shape, bool)
-        plain[0] = True
-        opening, of_image = _openings(wording, samples)
-        if recipe.replace or recipe.insert:
-            numbers = {name: number for number, name in enumerate(names)}
-            classes = augment.CLASSES[recipe.domain]
-            wrong = np.array([numbers.setdefault(name, len(numbers)) for name in classes])
-            names = list(numbers)
-            found = augment.with_wrong_objects(
-                found, keys, plain, wrong, recipe.replace, recipe.insert
-            )
-            of_image = np.repeat(of_image, recipe.variants)
-            keys, plain = keys.T.reshape(1, -1), plain.T.reshape(1, -1)  # (1, captions)
-        words = [word(name) for name in names]
-        phrase = wording.phrase(found, words, recipe.digits)
-        opening_column = Column(opening, of_image[found.image])
-        comma, last, closing, nothing = tokens(
-            (wording.between, wording.last, wording.closing, NOTHING)
-        )
-        cost = np.full(len(found.label), comma, np.int32)
-        for column in phrase:
-            counts = tokens(tuple(column.strings))
-            cost += counts[0] if column.codes is None else counts[column.codes]
-        around = tokens(opening)[of_image] + closing - comma + tokenizer.specials
-        budget = np.full(keys.shape, recipe.limit, np.int32)
-        delete = _delete(found, recipe)
-
-        def attempt(budget: np.ndarray) -> tuple[Chosen, pa.Array]:
-            chosen = choose(
-                found.first, cost, around, budget, keys, plain, delete, int(last - comma)
-            )
-            return chosen, texts(
-                chosen,
-                phrase,
-                opening_column,
-                wording.between,
-                wording.last,
-                wording.closing,
-                NOTHING,
-            )
-
+    budget = np.full(keys.shape, recipe.limit, np.int32)
+    if recipe.tokenizer.additive and all(_adds_up(recipe.tokenizer, w) for w in words):
         chosen, text = attempt(budget)
-        none = np.ones(len(text), bool)
-        none[chosen.caption[chosen.object >= 0]] = False
-        if tokenizer.additive and all(adds_up(w.name) and adds_up(w.plural) for w in words):
-            n_tokens = np.where(none, nothing + tokenizer.specials, chosen.n_tokens)
-        else:
-            # Tables only estimate: count the texts, and correct the budget by what they were off.
-            passed = np.zeros(len(text), bool)
-            for attempts in count():
-                n_tokens = tokenizer.count(text.to_pylist())
-                over = (n_tokens > recipe.limit) & ~none
-                passed |= over
-                better = recipe.limit + chosen.n_tokens - n_tokens
-                now = budget.T.ravel()
-                tighter = np.where(over, np.minimum(better, now - 1), now)
-                looser = ~passed & (better > now) & (attempts < _LOOSENED)
-                after = np.where(looser, better, tighter)
-                if (after == now).all():
-                    break
-                budget = np.ascontiguousarray(after.reshape(budget.shape[::-1]).T)
-                chosen, text = attempt(budget)
-                none[:] = True
-                none[chosen.caption[chosen.object >= 0]] = False
-        return {"text": text, "n_tokens": n_tokens, **_kept(found, chosen, len(text), len(keys))}
+        nothing = recipe.tokenizer.specials + tokens((NOTHING,))[0]
+        n_tokens = np.where(_empty(chosen), nothing, chosen.n_tokens)
+    else:
+        chosen, text, n_tokens = _counted(recipe, attempt, budget)
+    return {"text": text, "n_tokens": n_tokens, **_kept(found, chosen, len(keys))}
 
-    return block
+
+def _counted(
+    recipe: Recipe, attempt: Callable[[np.ndarray], tuple[Chosen, pa.Array]], budget: np.ndarray
+) -> tuple[Chosen, pa.Array, np.ndarray]:
+    """Texts within the limit for tokenizers whose pieces do not add up: tables only estimate.
+
+    The texts are counted, and each caption's budget is corrected by what its estimate was off.
+    """
+    passed = np.zeros(budget.size, bool)
+    for round_number in count():
+        chosen, text = attempt(budget)
+        n_tokens = recipe.tokenizer.count(text.to_pylist())
+        over = (n_tokens > recipe.limit) & ~_empty(chosen)
+        passed |= over
+        now = budget.T.ravel()  # (captions,)
+        better = recipe.limit + chosen.n_tokens - n_tokens
+        tighter = np.where(over, np.minimum(better, now - 1), now)
+        looser = ~passed & (better > now) & (round_number < _LOOSENED)
+        after = np.where(looser, better, tighter)
+        if (after == now).all():
+            break
+        budget = np.ascontiguousarray(after.reshape(budget.shape[::-1]).T)
+    return chosen, text, n_tokens
 
 
 @lru_cache(maxsize=256)
 def _tokens(tokenizer: Tokenizer, strings: tuple[str, ...]) -> np.ndarray:
     """int32: tokens of each string by itself, without start and end tokens."""
     return tokenizer.count(strings) - tokenizer.specials
+
+
+@cache
+def _adds_up(tokenizer: Tokenizer, word: Word) -> bool:
+    # A name may end in what the tokenizer joins with the comma that follows.
+    names = (word.name, word.plural)
+    strings = [*names, *(f"{name}, {name} x" for name in names), ",", "x"]
+    *once, first, second, comma, end = (tokenizer.count(strings) - tokenizer.specials).tolist()
+    return [first, second] == [2 * n + comma + end for n in once]
 
 
 def _openings(wording: Wording, samples: pa.Table) -> tuple[tuple[str, ...], np.ndarray]:
@@ -158,19 +150,21 @@ def _delete(found: Objects, recipe: Recipe) -> np.ndarray:
     return 1 / (1 + np.exp(recipe.delete_by_area * found.area))
 
 
-def _kept(found: Objects, chosen: Chosen, captions: int, variants: int) -> Columns:
+def _empty(chosen: Chosen) -> np.ndarray:
+    """bool of shape (captions,): those without objects."""
+    empty = np.ones(len(chosen.n_tokens), bool)
+    empty[chosen.caption[chosen.object >= 0]] = False
+    return empty
+
+
+def _kept(found: Objects, chosen: Chosen, variants: int) -> Columns:
     """n_objects, n_kept, area and area_kept of each caption."""
     some = chosen.object >= 0
     caption, area = chosen.caption[some], found.area[chosen.object[some]]
-    images = len(found.first) - 1
+    images, captions = len(found.first) - 1, len(chosen.n_tokens)
     return {
         "n_objects": np.repeat(np.diff(found.first), variants),
         "n_kept": np.bincount(caption, minlength=captions),
         "area": np.repeat(np.bincount(found.image, found.area, images), variants),
         "area_kept": np.bincount(caption, area, captions),
     }
-
-
-def empty_columns(names: Sequence[str]) -> Columns:
-    """What a block gives when there is no image."""
-    return {name: pa.array([], pa.string()) if name == "text" else np.zeros(0) for name in names}

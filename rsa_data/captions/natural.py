@@ -53,17 +53,16 @@ def step(style: str, read: Reader, tokenizer: Tokenizer) -> Callable[..., pa.Tab
         sizes = np.array([len(group) or 1 for group in lines], np.int64)
         rows = np.repeat(np.arange(len(ids)), sizes)
         variant = np.arange(len(rows)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        none = np.zeros(len(rows))
-        unknown = {"n_objects": none, "n_kept": none, "area": none, "area_kept": none}
         advance(len(ids))
-        return caption_table(
-            samples["sample_id"],
-            rows,
-            variant,
-            pa.array(texts, pa.string()),
-            {**unknown, "n_tokens": tokenizer.count(texts)},
-            {"style": name, "style_version": str(VERSION), "tokenizer": tokenizer.name},
-        )
+        columns = {
+            "sample_id": samples["sample_id"].combine_chunks().take(pa.array(rows)),
+            "variant": variant,
+            "text": pa.array(texts, pa.string()),
+            "n_tokens": tokenizer.count(texts),
+            **dict.fromkeys(("n_objects", "n_kept", "area", "area_kept"), np.zeros(len(rows))),
+        }
+        about = {"style": name, "style_version": str(VERSION), "tokenizer": tokenizer.name}
+        return caption_table(columns, about)
 
     return write
 

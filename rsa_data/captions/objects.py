@@ -11,8 +11,8 @@ from ..errors import RsaDataError
 
 Which = Literal["all", "things", "background"]
 
-# An object's place in its image must fit into 16 bits of a sorting key.
-MAX_OBJECTS = 65_535
+# An object and those that are inserted must fit into 16 bits of a sorting key.
+MAX_OBJECTS = 60_000
 
 
 @dataclass(frozen=True)

@@ -5,27 +5,21 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from .. import registry
 from ..encoders.tokenizers import Tokenizer
-from ..errors import RsaDataError, UsageError
-from ..progress import advance
+from ..errors import UsageError
 from . import natural, summary
-from .assemble import MAX_BYTES
 from .augment import Domain
-from .choose import CAPTIONS_A_BLOCK
+from .blocks import composer
 from .columns import caption_table
-from .compose import Recipe, composer, empty_columns
+from .compose import Recipe
 from .objects import Which
 from .styles import Wording
-from .words import clean
 
 # Columns that `notes` reads.
 NOTED = list(summary.COLUMNS)
-_MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
 
 def build(
@@ -86,48 +80,26 @@ def build(
         )
     limit = counter.max_tokens if max_tokens is None else max_tokens or 2**30
     metadata = {"style": style, "style_version": str(target.version), "tokenizer": tokenizer}
-    block = composer(
-        Recipe(
-            wording=target,
-            tokenizer=counter,
-            limit=limit,
-            variants=variants,
-            seed=seed,
-            delete=delete,
-            delete_by_area=delete_by_area,
-            objects=objects,
-            group=target.group or group,
-            digits=digits,
-            replace=replace,
-            insert=insert,
-            domain=domain,
-        )
+    recipe = Recipe(
+        wording=target,
+        tokenizer=counter,
+        limit=limit,
+        variants=variants,
+        seed=seed,
+        delete=delete,
+        delete_by_area=delete_by_area,
+        objects=objects,
+        group=target.group or group,
+        digits=digits,
+        replace=replace,
+        insert=insert,
+        domain=domain,
     )
 
+    write = composer(recipe)
+
     def step(segments: pa.Table, samples: pa.Table) -> pa.Table:
-        segments, samples = _ok(segments, samples)
-        label, names = _labels(segments)
-        ends = np.cumsum(pc.list_value_length(segments["label"]).to_numpy())
-        begins = np.append(0, ends)
-        size = CAPTIONS_A_BLOCK // variants
-        blocks = []
-        for start in range(0, len(segments), size):
-            stop = min(start + size, len(segments))
-            rows = segments.slice(start, size)
-            mine = label[begins[start] : begins[stop]]
-            blocks.append(block(rows, samples.slice(start, size), mine, names))
-            advance(stop - start)
-        blocks = blocks or [empty_columns(_MEASURED)]
-        if sum(b["text"].nbytes for b in blocks) > MAX_BYTES:
-            raise RsaDataError(
-                f"captions: the texts of {len(segments)} images pass 2 GB, the most of a part. "
-                "Give fewer --variants or a smaller --max-tokens, or index into smaller parts"
-            )
-        text = pa.concat_arrays([b["text"] for b in blocks])
-        columns = {n: np.concatenate([b[n] for b in blocks]) for n in _MEASURED if n != "text"}
-        rows = np.repeat(np.arange(len(segments)), variants)
-        variant = np.tile(np.arange(variants), len(segments))
-        return caption_table(segments["sample_id"], rows, variant, text, columns, metadata)
+        return caption_table(write(segments, samples), metadata)
 
     return step
 
@@ -193,25 +165,3 @@ def _resolve(style: str) -> tuple[Wording | natural.Importer, str]:
         expected = "no argument" if colon else f"{name}:PATH"
         raise UsageError(f"captions: style: expected {expected}, found {style!r}")
     return target, argument
-
-
-def _ok(segments: pa.Table, samples: pa.Table) -> tuple[pa.Table, pa.Table]:
-    """The rows that are ok, in the order of samples, each column in one piece."""
-    if not segments["sample_id"].equals(samples["sample_id"]):
-        place = pc.index_in(samples["sample_id"], segments["sample_id"].combine_chunks())
-        samples = samples.filter(place.is_valid())
-        segments = segments.take(place.drop_null())
-    good = pc.equal(segments["status"], "ok")
-    return segments.filter(good).combine_chunks(), samples.filter(good).combine_chunks()
-
-
-def _labels(segments: pa.Table) -> tuple[np.ndarray, list[str]]:
-    """A number for each segment's class, and the names of the classes by number.
-
-    Labels that are written alike (wall-brick, wall-tile) are one class.
-    """
-    flat = pa.chunked_array([pc.list_flatten(c) for c in segments["label"].chunks], pa.string())
-    coded = flat.combine_chunks().dictionary_encode()
-    numbers: dict[str, int] = {}
-    of_label = [numbers.setdefault(clean(x), len(numbers)) for x in coded.dictionary.to_pylist()]
-    return np.array(of_label, np.int32)[coded.indices.to_numpy()], list(numbers)
