@@ -17,6 +17,7 @@ COMMANDS = {
     "depth": "rsa_data.commands.tables:depth",
     "train-head": "rsa_data.commands.heads:train_head",
     "evaluate": "rsa_data.commands.heads:evaluate",
+    "robustness": "rsa_data.commands.studies:robustness",
     "predict": "rsa_data.commands.heads:predict",
     "import-head": "rsa_data.commands.heads:import_head",
     "detect": "rsa_data.commands.tables:detect",

@@ -1,6 +1,6 @@
 """How a head's error moves when the description is wrong or poor: the captions are written anew."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from .. import tables
-from ..errors import RowError, RsaDataError
+from .. import registry, tables
+from ..errors import RowError, RsaDataError, UsageError
 from ..parts import Work
+from . import output
+from .evaluate import Evaluation
 from .inputs import Image, TestPart, rows_of
 from .methods import Method, Prediction, by_head, scaled
+from .protocols import PROTOCOLS
+from .rows import measure
+from .setting import parts_of, rules_of, tables_of, with_split
+from .summary import summarise
 
 if TYPE_CHECKING:
     from ..heads.checkpoint import ScaleHead
@@ -36,6 +42,66 @@ CHANGES: dict[str, tuple[dict[str, Any], int]] = {
 }
 # Datasets that reach farther than this are streets: what is wrong in them comes from rooms.
 _INDOOR_METRES = 20.0
+
+
+def robustness(
+    work: Work,
+    bar: Callable[[str, int], Any] | None = None,
+    *,
+    head: str = "head",
+    datasets: tuple[str, ...] = (),
+    protocol: str = "rsa",
+    split: str = "test",
+    weights: Path | None = None,
+    seed: int = 0,
+    draws: int = 1000,
+) -> Evaluation:
+    """Measures a head on the same images with descriptions that are wrong or poor.
+
+    Objects are deleted, swapped, replaced or added, only things or only background is described,
+    nothing is found; captions are written and encoded anew, as the head's own were. Other captions
+    of the dataset that are embedded by the same encoder (such as natural ones) are measured too.
+
+    Parameters
+    ----------
+    head : name of a head in the work dir.
+    datasets : datasets of the work dir; none means all that have the split.
+    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
+    split : what to measure on.
+    weights : file of the text encoder's weights, where it is not found by itself.
+    seed : of what is deleted, replaced and added.
+    draws : resamplings of scenes for the confidence intervals; 0 for none.
+
+    Writes metrics.parquet and the summary to WORK/heads/NAME/robustness/PROTOCOL. Raises as
+    `evaluate` does, and RsaDataError where captions do not come from segments.
+    """
+    from ..heads.checkpoint import ScaleHead
+
+    if protocol not in PROTOCOLS:
+        raise registry.unknown("protocol", protocol, PROTOCOLS)
+    loaded = ScaleHead.load(f"{work.store.location}/heads/{head}")
+    if loaded.description.get("options", {}).get("control", "none") != "none":
+        raise UsageError(f"--head {head}: a control does not read the description")
+    found = []
+    for name, source in tables_of(
+        work, loaded.description, with_split(work, datasets, split)
+    ).items():
+        rule = rules_of(work, name, protocol)
+        methods = robustness_methods(
+            work, loaded, source, max_depth=rule.max_depth, weights=weights, seed=seed
+        )
+        found.append(measure(parts_of(work, name, source.depth, split), methods, rule, bar))
+    table = pa.concat_tables(found)
+    rows = summarise(table, draws)
+    plain = {row.dataset: row.mean["abs_rel"] for row in rows if row.method == "plain" and row.mean}
+    said = ["AbsRel against that of the plain captions:"] + [
+        f"{row.dataset}: {row.method}: {row.mean['abs_rel'] / plain[row.dataset] - 1:+.1%}"
+        for row in rows
+        if row.mean and row.method != "plain" and row.dataset in plain
+    ]
+    folder = f"heads/{head}/robustness/{protocol}"
+    title = f"head {head}, descriptions changed: protocol {protocol}, {split} split"
+    return Evaluation(table, rows, output.write(work, folder, table, rows, title, said), folder)
 
 
 def robustness_methods(
@@ -155,8 +221,3 @@ def _by_texts(
         return predict
 
     return method
-
-
-def steps(rows: Mapping[str, float]) -> dict[str, float]:
-    """Each change's AbsRel over that of the plain captions, minus 1."""
-    return {name: value / rows["plain"] - 1 for name, value in rows.items()}

@@ -1,0 +1,23 @@
+"""Commands that study a head: robustness."""
+
+from typing import Any
+
+import click
+
+from .. import console
+from ..evaluation.robustness import robustness as robustness_function
+from ..options import click_options
+from ..parts import Work
+from .shared import work_option
+
+
+@click.command()
+@work_option
+@click_options(robustness_function)
+def robustness(work: str, **options: Any) -> None:
+    """Measure a head with descriptions that are wrong or poor.
+
+    \b
+      rsa-data robustness --head nyu
+    """
+    click.echo(robustness_function(Work(work), bar=console.bar, **options).summary)
