@@ -1,4 +1,4 @@
-"""Engines: the same bytes from one process, several, and Ray; what dies does not take parts along."""
+"""Engines: the same bytes from one process, several, and Ray; no part is lost with its worker."""
 
 import os
 import signal
@@ -133,12 +133,20 @@ def test_a_part_that_kills_its_worker_is_left_undone_and_the_others_are_done(mon
     assert isinstance(results[-1].error, TransientError) and crew.begun == 3
 
 
-@pytest.mark.parametrize("signal_", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_stopped_command_exits_130_leaves_no_process_and_goes_on(tmp_path, signal_, workers):
+@pytest.mark.parametrize(
+    "signal_, how",
+    [
+        (signal.SIGINT, "--workers 1"),
+        (signal.SIGTERM, "--workers 1"),
+        (signal.SIGINT, "--workers 2"),
+        (signal.SIGTERM, "--workers 2"),
+        pytest.param(signal.SIGTERM, "--workers 2 --engine ray", marks=pytest.mark.ray),
+    ],
+)
+def test_a_stopped_command_exits_130_leaves_no_process_and_goes_on(tmp_path, signal_, how):
     work = rooms.made(tmp_path, parts=40, rows=2000)
     words = [sys.executable, "-m", "rsa_data.cli", "captions", "--dataset", "rooms"]
-    words += ["--segments", "labels", "--work", str(tmp_path), "--workers", str(workers)]
+    words += ["--segments", "labels", "--work", str(tmp_path), *how.split()]
     process = subprocess.Popen(
         words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
     )

@@ -6,7 +6,10 @@ not used: rows here are part numbers, whose order and fate must be known.
 
 import logging
 import os
+import signal
+import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,19 +44,21 @@ class Actors:
         self.actor = self.actor.options(
             num_cpus=1, num_gpus=gpus, max_restarts=0, max_task_retries=0
         )
-        self.actors: dict[Any, Any] = {}  # what each one is doing -> the actor
+        self.doing: dict[Any, Any] = {}  # what is awaited -> the actor that does it
+        self.actors: set[Any] = set()
         self.begun, self.ready = time.monotonic(), False
 
     def start(self) -> Any:
         actor = self.actor.remote(*self.given)
-        self.actors[actor.begin.remote()] = actor
+        self.doing[actor.begin.remote()] = actor
+        self.actors.add(actor)
         return actor
 
     def give(self, worker: Any, task: Task) -> None:
-        self.actors[worker.work.remote(task)] = worker
+        self.doing[worker.work.remote(task)] = worker
 
     def news(self, seconds: float) -> list[News]:
-        ended, _ = self.ray.wait(list(self.actors), timeout=seconds)
+        ended, _ = self.ray.wait(list(self.doing), timeout=seconds)
         if not ended and not self.ready and time.monotonic() - self.begun > _BEGIN_WITHIN:
             raise RsaDataError(
                 f"--engine ray: no worker has begun within {_BEGIN_WITHIN:.0f} s. The cluster has "
@@ -62,16 +67,17 @@ class Actors:
         return [self._ended(reference) for reference in ended]
 
     def stop(self) -> None:
-        for actor in self.actors.values():
+        for actor in self.actors:
             self.ray.kill(actor)
         if self.began_cluster:
             self.ray.shutdown()
 
     def _ended(self, reference: Any) -> News:
-        worker = self.actors.pop(reference)
+        worker = self.doing.pop(reference)
         try:
             kind, value = self.ray.get(reference)
         except self.ray.exceptions.RayError as error:
+            self.actors.discard(worker)
             why = str(error).strip().partition("\n")[0]
             return News(worker, "died", f"said: {type(error).__name__}: {why}")
         self.ready = True
@@ -86,8 +92,6 @@ class _Worker:
 
     def begin(self) -> tuple[str, Any]:
         """Loads what the stage needs. Not in __init__, whose errors Ray tells as a death."""
-        import threading
-
         from .. import stages
         from .local import limit_memory
 
@@ -107,6 +111,8 @@ class _Worker:
 
 def _connect(ray: Any, how: How) -> None:
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGTERM)
     try:
         if how.ray_address is None:
             ray.init(num_cpus=max(1, how.workers), include_dashboard=False, **quiet)
@@ -117,12 +123,14 @@ def _connect(ray: Any, how: How) -> None:
             f"--ray-address {how.ray_address}: cannot reach a Ray cluster there: {error}. Leave it "
             "out to run on this machine alone"
         ) from error
+    finally:
+        # Ray ends the process with its own exit status on SIGTERM; a command has its own way.
+        if main:
+            signal.signal(signal.SIGTERM, before)
 
 
 def _absolute(job: Job) -> Job:
     """The job with paths that do not depend on the folder a worker starts in."""
-    from dataclasses import replace
-
     options = {
         name: value.absolute() if isinstance(value, Path) else value
         for name, value in job.options.items()
