@@ -27,6 +27,8 @@ class ScaleHead:
     description : what head.json holds; `features.dim`, `architecture` and `format` are needed.
     mean, factor : float32 (dim,); the network is given (features - mean) * factor, so that callers
         always pass raw features, as they stand in the embeddings table.
+    reference : float16 (m, dim), raw features of training captions to measure others' distance
+        from; None when the head does not know what it was trained on.
     """
 
     def __init__(
@@ -35,10 +37,11 @@ class ScaleHead:
         description: dict[str, Any],
         mean: torch.Tensor,
         factor: torch.Tensor,
+        reference: np.ndarray | None = None,
     ):
         self.network = network.eval().requires_grad_(False)
         self.description = description
-        self.mean, self.factor = mean, factor
+        self.mean, self.factor, self.reference = mean, factor, reference
         self.dim: int = description["features"]["dim"]
 
     @classmethod
@@ -85,19 +88,22 @@ class ScaleHead:
         """The head of these weights; raises RsaDataError unless they fit exactly."""
         network = build_network(description["architecture"], description["features"]["dim"])
         weights = dict(tensors)
+        reference = weights.pop("reference").numpy() if "reference" in weights else None
         try:
             mean, factor = weights.pop("mean"), weights.pop("factor")
             network.load_state_dict(weights, strict=True)
         except (KeyError, RuntimeError) as error:
             name = description["architecture"]["name"]
             raise RsaDataError(f"expected the weights of {name}: {error}") from error
-        return cls(network, description, mean, factor)
+        return cls(network, description, mean, factor, reference)
 
     def save(self, store: Store, folder: str) -> None:
         """Writes head.safetensors, then head.json: with it the head is complete."""
         # Old weights must never stand beside a new description, nor the other way round.
         store.delete(f"{folder}/head.json")
         tensors = {"mean": self.mean, "factor": self.factor, **self.network.state_dict()}
+        if self.reference is not None:
+            tensors["reference"] = torch.from_numpy(self.reference)
         tensors = {name: tensor.clone() for name, tensor in tensors.items()}
         store.write(f"{folder}/head.safetensors", to_safetensors(tensors))
         store.write(f"{folder}/head.json", to_json(self.description))

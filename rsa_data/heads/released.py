@@ -11,7 +11,17 @@ if TYPE_CHECKING:
     from .checkpoint import ScaleHead
 
 # Order of the nine numbers in the checkpoints' best_eval_measures_* (released train_3d.py).
-_MEASURES = "silog abs_rel log10 rmse sq_rel rmse_log delta1 delta2 delta3".split()
+_MEASURES = [
+    "silog",
+    "abs_rel",
+    "log10",
+    "rmse",
+    "sq_rel",
+    "rmse_log",
+    "delta1",
+    "delta2",
+    "delta3",
+]
 _PREFIX = "best_eval_measures_"
 
 

@@ -17,6 +17,7 @@ from .. import tables
 from ..errors import RsaDataError
 from ..parts import Work, fingerprint
 from ..storage import failpoint
+from .calibrate import calibrate
 from .checkpoint import FORMAT, ScaleHead, build_network
 from .examples import Source
 from .fit import Settings, State, begin, fit
@@ -112,9 +113,11 @@ def run(work: Work, plan: Plan, bar: Callable[[str, int], Any] | None, start_ove
     if shown:
         shown.close()
     torch.nn.utils.vector_to_parameters(state.best, network.parameters())
-    description = describe(plan, examples, state, network)
+    description = describe(work, plan, examples, state, network)
+    head = ScaleHead(network, description, examples.mean, examples.factor, examples.reference)
+    description.update(calibrate(head, examples.validation))
     store.write(f"{folder}/history.parquet", _history(state, names))
-    ScaleHead(network, description, examples.mean, examples.factor).save(store, folder)
+    head.save(store, folder)
     store.delete(f"{folder}/checkpoint.safetensors")
     return Trained(f"{store.location}/{folder}", description)
 
@@ -144,7 +147,7 @@ def _weights(images: np.ndarray, balance: str) -> np.ndarray:
 
 
 def describe(
-    plan: Plan, examples: Windows, state: State, network: torch.nn.Module
+    work: Work, plan: Plan, examples: Windows, state: State, network: torch.nn.Module
 ) -> dict[str, Any]:
     """head.json: everything that says what the head is, and whether it fits other tables."""
     names = [source.dataset for source in plan.sources]
@@ -167,6 +170,11 @@ def describe(
                 "tables": plan.digests[name],
             }
             for i, name in enumerate(names)
+        },
+        "captions": {
+            s.dataset: work.table(s.dataset, s.captions).description()["options"]
+            for s in plan.sources
+            if s.captions
         },
         "options": {k: v for k, v in plan.options.items() if k not in _LOCAL},
         "validation": {

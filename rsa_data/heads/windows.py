@@ -8,6 +8,7 @@ import torch
 
 from ..errors import RsaDataError
 from ..parts import Work
+from .calibrate import references
 from .controls import controlled
 from .examples import Examples, join, read_part, select
 from .split import by_scene
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from .run import Plan
 
 _GIB = 2**30
+_SEEN = 512  # features of a part kept to choose references from
 
 
 class Windows:
@@ -27,6 +29,7 @@ class Windows:
     images, validation_images, left_out, mean_depth : arrays with a number for each dataset.
         left_out images were not ok in every table; mean_depth is in m.
     how : how validation was chosen, a text for each dataset.
+    reference : float16 (m, dim), some of the training features, raw.
     typical : scale and shift to begin with: the median of the images' own positive fits, geometric
         mean over the datasets; 1 where there are none.
     """
@@ -95,6 +98,7 @@ class Windows:
         validation: list[Examples] = []
         kept: list[Examples] = []
         moments = Moments()
+        seen: list[np.ndarray] = []
         for i, n in self.held:
             train, held = self._split(i, n)
             self.left_out[i] += len(self.held[i, n]) - len(train) - len(held)
@@ -107,6 +111,7 @@ class Windows:
             depth_sum[i] += train.metric.mean(1, dtype=np.float64).sum()
             fits[i].append(train.fit)
             moments.add(train.features)
+            seen.append(train.features[:: -(-len(train.features) // _SEEN)])
             kept = [*kept, train] if sum(self.sizes.values()) <= self.limit else []
         self._check(validation)
         self.validation = join(validation)
@@ -114,6 +119,7 @@ class Windows:
         self.total, self.mean_depth = int(self.images.sum()), depth_sum / self.images
         self.pixels = self.validation.relative.shape[1]
         self.whole = join(kept, self.pixels) if len(kept) == len(self.sizes) else None
+        self.reference = references(seen)
         self.typical = _typical([np.concatenate(f) for f in fits])
         self.dim = self.validation.features.shape[1]
         self.mean, self.factor = moments.standard()
