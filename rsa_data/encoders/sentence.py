@@ -109,7 +109,7 @@ def _module(folder: Path, pooling: str, normalize: bool) -> Any:
         def forward(self, ids: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
             read = torch.arange(ids.shape[1], device=ids.device) < lengths[:, None]  # (b, t)
             out = self.model(input_ids=ids, attention_mask=read.long())
-            rows = out.last_hidden_state  # (b, t, dim)
+            rows = out.last_hidden_state.float()  # (b, t, dim)
             if pooling == "cls_token":
                 rows = rows[:, 0]  # (b, dim)
             elif pooling == "max_tokens":
