@@ -24,6 +24,7 @@ class Wording:
     """One style.
 
     version : of the wording.
+    example : a short text in this style, shown by `rsa-data list styles`.
     phrase : (objects, the words of their labels, digits of a percentage) -> the columns whose
         strings side by side are an object's phrase. Columns meet at spaces and signs only, so
         that their tokens add up.
@@ -34,12 +35,17 @@ class Wording:
     """
 
     version: int
+    example: str
     phrase: Callable[[Objects, Sequence[Word], int], list[Column]]
     opening: str | Callable[[pa.Table], list[str]] = "An image with "
     between: str = ", "
     last: str = ", "
     closing: str = ""
     group: bool | None = None
+
+    def __post_init__(self) -> None:
+        # What an entry of the registry documents itself with, as functions do.
+        object.__setattr__(self, "__doc__", self.example)
 
 
 @cache
@@ -175,11 +181,42 @@ def _camera(samples: pa.Table) -> list[str]:
     ]
 
 
-classes = Wording(1, _classes)
-counts = Wording(1, _counts, group=True)
-occupancy = Wording(1, _occupancy)
-occupied = Wording(1, _occupied, closing=".", group=False)
-located = Wording(1, _located, group=False)
-grid = Wording(1, _grid, group=False)
-intrinsics = Wording(1, _occupancy, opening=_camera)
-release = Wording(1, _release, last=", and ", closing=".", group=True)
+classes = Wording(1, "An image with bed, wall, chair, chair", _classes)
+counts = Wording(1, "An image with 1 bed, 1 wall, 2 chairs", _counts, group=True)
+occupancy = Wording(
+    1, "An image with bed occupies 13.42% of the image, wall occupies ...", _occupancy
+)
+occupied = Wording(
+    1,
+    "An image with bed occupied 13.42% of image. As the released code wrote it",
+    _occupied,
+    closing=".",
+    group=False,
+)
+located = Wording(
+    1,
+    "An image with a bed located at (124,256) occupying 13.42% of the image, ...",
+    _located,
+    group=False,
+)
+grid = Wording(
+    1,
+    "An image with a bed located in the bottom left occupying 13.42% of the image, ...",
+    _grid,
+    group=False,
+)
+intrinsics = Wording(
+    1,
+    "An image taken with focal lengths 519 and 519 pixels and principal point (326,254), with "
+    "bed occupies 13.42% of the image, ...",
+    _occupancy,
+    opening=_camera,
+)
+release = Wording(
+    1,
+    "An image with a bed, a wall, and two chairs. As the release's structured texts",
+    _release,
+    last=", and ",
+    closing=".",
+    group=True,
+)

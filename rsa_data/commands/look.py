@@ -39,7 +39,7 @@ def verify(work: str) -> None:
 @click.command("list")
 @click.argument("what", required=False)
 def list_names(what: str | None) -> None:
-    """What can be chosen: datasets, segmenters, styles, encoders, depth models, heads, jobs.
+    """Names to choose from: datasets, segmenters, styles, tokenizers, encoders, models, heads, jobs.
 
     \b
       rsa-data list datasets
@@ -71,6 +71,7 @@ _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "datasets": lambda: registry.described(registry.DATASETS),
     "segmenters": lambda: registry.described(registry.SEGMENTERS),
     "styles": lambda: registry.described(registry.STYLES),
+    "tokenizers": lambda: registry.described(registry.TOKENIZERS),
     "encoders": lambda: registry.described(registry.ENCODERS),
     "depth-models": lambda: registry.described(registry.DEPTH_MODELS),
     "heads": lambda: registry.described(registry.HEADS),
