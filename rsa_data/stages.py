@@ -56,7 +56,14 @@ STAGES = {
         1, "rsa_data.segmenters.detect", "segments", "sample_id", "source", ("model", "model_card")
     ),
     "captions": Stage(1, "rsa_data.captions.write", "captions", "sample_id", "style"),
-    "embed": Stage(1, "rsa_data.encoders.embed", "embeddings", "text_id", "encoder", ("weights",)),
+    "embed": Stage(
+        1,
+        "rsa_data.encoders.embed",
+        "embeddings",
+        "text_id",
+        "encoder",
+        ("weights", "audit_head"),
+    ),
     "depth": Stage(1, "rsa_data.depth.measure", "depth", "sample_id", "depth_model", ("weights",)),
 }
 
@@ -306,12 +313,19 @@ def run_part(
         made,
         {
             **counts,
+            **_measured(made),
             "split": job.table("samples").receipt(number)["split"],
             "inputs": digests,
             "fingerprint": part_fingerprint(description, digests),
         },
         redo=redo,
     )
+
+
+def _measured(made: pa.Table) -> dict[str, Any]:
+    """What a step measured of its own work: JSON under `audit` in its table's metadata."""
+    audit = (made.schema.metadata or {}).get(b"audit")
+    return {"audit": json.loads(audit)} if audit else {}
 
 
 def same(old: dict[str, Any], new: dict[str, Any]) -> bool:

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import tables
 from ..errors import RsaDataError, UsageError
 from ..parts import Parts, Work, fingerprint
 from ..registry import unknown
@@ -13,7 +12,7 @@ from .examples import Source
 
 # Options of a stage that change how fast or how exactly something is computed or kept, or which
 # pixels are drawn, but not what it means.
-_INDIFFERENT = ("threads", "store", "pixels", "seed")
+_INDIFFERENT = ("threads", "store", "runtime", "device", "pixels", "seed")
 # Options of the depth stage that may differ from dataset to dataset within one head: the paper's
 # own models see NYU and KITTI images at different sizes.
 _PER_DATASET = ("geometry", "crop")
@@ -146,10 +145,6 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
 
     features : `features` of head.json. weights : the encoder's file, where it is not found alone.
     """
-    import hashlib
-
-    import pyarrow as pa
-
     from ..encoders import embed
     from ..stages import file_sha256
 
@@ -167,8 +162,4 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
                 f"encoder {features['encoder']}: the head was trained with another file {name}: "
                 f"expected sha256 {known}; found {found} in {path.name}"
             )
-    ids = [hashlib.blake2b(text.encode(), digest_size=16).digest() for text in captions]
-    table = pa.table({"text": pa.array(captions), "text_id": pa.array(ids, pa.binary(16))})
-    encoded = embed.build(**options)(table)
-    row = {key: n for n, key in enumerate(encoded["text_id"].to_pylist())}
-    return tables.embedding_array(encoded)[[row[key] for key in ids]]
+    return embed.encode(captions, **options)
