@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 from . import options as option_binding
 from . import registry, tables
 from .datasets import Dataset
-from .errors import RsaDataError
+from .errors import RsaDataError, UsageError
 from .parts import Work, fingerprint
 
 
@@ -23,11 +23,28 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     """
     builder, _, name = choice.partition(":")
     build = registry.resolve("dataset", registry.DATASETS, builder)
+    known = option_binding.parameters(_part_sizes)
+    sizes = {k: v for k, v in given.items() if k.replace("-", "_") in known}
+    sizes = option_binding.bind(_part_sizes, sizes, f"dataset {builder}")
+    given = {k: v for k, v in given.items() if k.replace("-", "_") not in known}
+    for option, value in sizes.items():
+        if value < 1:
+            raise UsageError(f"dataset {builder}: {option}: expected 1 or more, found {value}")
     bound = option_binding.bind(build, given, f"dataset {builder}")
     plain = {
         k: v if isinstance(v, (int, float, bool, type(None))) else str(v) for k, v in bound.items()
     }
-    return replace(build(**bound), name=name or builder), {"dataset": builder, **plain}
+    return replace(build(**bound), name=name or builder), {"dataset": builder, **plain, **sizes}
+
+
+def _part_sizes(*, part_size: int = 2000, test_part_size: int = 100) -> None:
+    """Options that every dataset has.
+
+    Parameters
+    ----------
+    part_size : images in a part of a training split; what a killed worker loses at most.
+    test_part_size : images in a part of a test split, whose depth maps are stored whole.
+    """
 
 
 def load_dataset(work: Work, name: str) -> Dataset:
@@ -68,16 +85,15 @@ def index(
     *,
     root: Path | None,
     samples: pa.Table | None = None,
-    part_size: int = 2000,
-    test_part_size: int = 100,
+    part_size: int,
+    test_part_size: int,
 ) -> dict[str, int]:
     """Writes the samples that the work dir does not have yet, as new parts after the old ones.
 
     Parameters
     ----------
     samples : the index when it does not come from files under `root`.
-    part_size : images in a part of a training split; what a killed worker loses at most.
-    test_part_size : images in a part of a test split, whose depth maps are stored whole.
+    part_size, test_part_size : see `_part_sizes`.
 
     Returns the number of samples there and of those that are new. A part holds one split.
     """

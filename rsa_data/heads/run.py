@@ -69,6 +69,7 @@ def run(work: Work, plan: Plan, bar: Callable[[str, int], Any] | None, start_ove
     if table.exists():
         table.bind(plan.identity)
     if (done := store.read(f"{folder}/head.json")) is not None:
+        store.delete(f"{folder}/checkpoint.safetensors")  # of a run killed at its very end
         return Trained(f"{store.location}/{folder}", json.loads(done))
 
     torch.set_num_threads(options["threads"])
