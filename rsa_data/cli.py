@@ -18,6 +18,7 @@ COMMANDS = {
     "train-head": "rsa_data.commands.heads:train_head",
     "evaluate": "rsa_data.commands.heads:evaluate",
     "robustness": "rsa_data.commands.studies:robustness",
+    "compare": "rsa_data.commands.studies:compare",
     "predict": "rsa_data.commands.heads:predict",
     "import-head": "rsa_data.commands.heads:import_head",
     "detect": "rsa_data.commands.tables:detect",

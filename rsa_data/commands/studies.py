@@ -1,10 +1,11 @@
-"""Commands that study a head: robustness."""
+"""Commands that study heads: robustness, compare."""
 
 from typing import Any
 
 import click
 
 from .. import console
+from ..evaluation.compare import compare as compare_function
 from ..evaluation.robustness import robustness as robustness_function
 from ..options import click_options
 from ..parts import Work
@@ -21,3 +22,15 @@ def robustness(work: str, **options: Any) -> None:
       rsa-data robustness --head nyu
     """
     click.echo(robustness_function(Work(work), bar=console.bar, **options).summary)
+
+
+@click.command()
+@work_option
+@click_options(compare_function)
+def compare(work: str, **options: Any) -> None:
+    """Train and measure heads on text, other inputs and controls, in one table.
+
+    \b
+      rsa-data compare --work demo
+    """
+    click.echo(compare_function(Work(work), bar=console.bar, **options).summary)

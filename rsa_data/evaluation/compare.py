@@ -1,0 +1,177 @@
+"""The comparison that settles what a head learns from: every input under one protocol."""
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from .. import registry, tables
+from ..parts import Work
+from . import breakdown, formats, plots
+from .constants import fit_constants
+from .contenders import Entry, methods_of, plans, train
+from .evaluate import Evaluation
+from .methods import by_constant, oracle_methods
+from .metrics import METRICS
+from .protocols import PROTOCOLS, Rules
+from .rows import measure
+from .setting import parts_of, rules_of, with_split
+from .spread import calibration, inflation, rank_correlation, spread
+from .summary import summarise
+
+
+def compare(
+    work: Work,
+    bar: Callable[[str, int], Any] | None = None,
+    *,
+    name: str = "comparison",
+    datasets: tuple[str, ...] = (),
+    style: str | None = None,
+    encoder: str | None = None,
+    depth_model: str | None = None,
+    inputs: tuple[str, ...] = (),
+    protocol: str = "rsa",
+    split: str = "test",
+    seeds: int = 1,
+    epochs: int = 50,
+    threads: int = 2,
+    split_scene: bool = False,
+    draws: int = 1000,
+) -> Evaluation:
+    """Trains heads on each kind of input and measures them all on the same images.
+
+    Text, further inputs asked for, the dataset's name only, captions shuffled within the dataset,
+    constants and oracles; text trained on each dataset alone, which gives the zero-shot rows; one
+    description for a whole scene; the hard images by themselves; the spread over caption variants
+    as an error bar. Heads that are trained already are taken as they are.
+
+    Parameters
+    ----------
+    name : of the comparison; its heads are named after it.
+    datasets : datasets of the work dir; none means all that have the split.
+    style : caption style, needed when there are several.
+    encoder : text encoder, needed when there are several.
+    depth_model : relative-depth model, needed when there are several.
+    inputs : further inputs as LABEL=STYLE/ENCODER or LABEL=STYLE/ENCODER/HEAD, of embeddings
+        tables that every dataset has, such as image=image/clip-rn50.
+    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
+    split : what to measure on.
+    seeds : heads trained for each input; their errors are averaged, their spread is told.
+    epochs : of each training.
+    threads : CPU threads of each training.
+    split_scene : as for train-head, for datasets of one scene.
+    draws : resamplings of scenes for the confidence intervals; 0 for none.
+
+    Writes metrics, summaries and plots to WORK/comparisons/NAME.
+    """
+    if protocol not in PROTOCOLS:
+        raise registry.unknown("protocol", protocol, PROTOCOLS)
+    names = with_split(work, datasets, split)
+    common: dict[str, Any] = {"style": style, "encoder": encoder, "depth_model": depth_model}
+    common |= {"epochs": epochs, "threads": threads, "split_scene": split_scene}
+    entries = [
+        train(work, bar, name, label, seed, chosen, {**common, **options}, names)
+        for seed in range(seeds)
+        for label, chosen, options in plans(names, inputs)
+    ]
+    text = entries[0]
+    ranges = {d: rules_of(work, d, protocol) for d in names}
+    depths = {d: text.sources[d].depth for d in names}
+    limits = {d: (rule.min_depth, rule.max_depth) for d, rule in ranges.items()}
+    constants = fit_constants(work, depths, limits, names)
+    found = []
+    for d in names:
+        parts = parts_of(work, d, depths[d], split)
+        methods = {
+            **methods_of(entries, d, parts),
+            **{label: by_constant(*pair) for label, pair in constants[d].items()},
+            **oracle_methods(ranges[d].max_depth),
+        }
+        found.append(measure(parts, methods, ranges[d], bar))
+    table = pa.concat_tables(found)
+    merged, over_seeds = merge_seeds(table)
+    rows = summarise(merged, draws)
+    said = [
+        f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, {epochs} epochs; "
+        "mean over images [95% interval by scene].",
+        *over_seeds,
+    ]
+    extra = _hard(work, text, names, merged, split)
+    bars, lines = _error_bars(work, text, names, ranges, split)
+    folder = f"comparisons/{name}"
+    files = {
+        "summary.txt": "\n\n".join(["\n".join([*said, formats.text(rows)]), *extra, *lines]),
+        "summary.md": formats.markdown(rows) + "\n" + "\n\n".join(extra + lines) + "\n",
+        "summary.tex": formats.latex(rows),
+        "summary.csv": formats.to_csv(rows),
+        "abs_rel.svg": plots.intervals(rows, "abs_rel", "AbsRel, with 95% intervals by scene"),
+    }
+    if bars:
+        files["calibration.svg"] = plots.calibration(bars, "Spread over captions as an error bar")
+    tables.check("metrics", table)
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer)
+    work.store.write(f"{folder}/metrics.parquet", buffer.getvalue())
+    for file, content in files.items():
+        work.store.write(f"{folder}/{file}", content.encode())
+    summary = files["summary.txt"] + f"\nin {work.store.location}/{folder}"
+    return Evaluation(table, rows, summary, folder)
+
+
+def merge_seeds(table: pa.Table) -> tuple[pa.Table, list[str]]:
+    """Rows `METHOD #SEED` averaged over seeds, and how far the means of the seeds lie apart."""
+    frame = table.to_pandas()
+    frame["seed"] = frame["method"].str.extract(r" #(\d+)$")[0]
+    frame["method"] = frame["method"].str.replace(r" #\d+$", "", regex=True)
+    keys = ["sample_id", "dataset", "scene", "method", "status"]
+    merged = frame.groupby(keys, sort=False, dropna=False)[list(METRICS)].mean().reset_index()
+    lines = []
+    if frame["seed"].nunique() > 1:
+        means = frame.groupby(["dataset", "method", "seed"], sort=False)["abs_rel"].mean()
+        for (dataset, method), spread_ in (
+            means.groupby(["dataset", "method"], sort=False).std().items()
+        ):
+            lines.append(f"{dataset}: {method}: AbsRel over seeds +- {spread_:.4f}")
+    return pa.Table.from_pandas(merged, preserve_index=False), lines
+
+
+def _hard(work: Work, text: Entry, names: Sequence[str], merged: pa.Table, split: str) -> list[str]:
+    """AbsRel of the hard images of each dataset, as text."""
+    frame = merged.to_pandas()
+    found = []
+    for d in names:
+        source = text.sources[d]
+        if not source.captions:
+            continue
+        numbers = [part.number for part in parts_of(work, d, source.depth, split)]
+        about = breakdown.described(work, d, source.captions, numbers)
+        table = breakdown.by_group(frame[frame["dataset"] == d], about)
+        found.append(f"{d}: AbsRel of hard images (number of them)\n{breakdown.text(table)}")
+    return found
+
+
+def _error_bars(
+    work: Work, text: Entry, names: Sequence[str], ranges: Mapping[str, Rules], split: str
+) -> tuple[dict[str, list[dict[str, float]]], list[str]]:
+    """Calibration of the spread over caption variants for each dataset, and sentences about it."""
+    bars, lines = {}, []
+    for d in names:
+        source = text.sources[d]
+        if not source.captions:
+            continue
+        parts = parts_of(work, d, source.depth, split)
+        column = work.table(d, source.captions).read(parts[0].number, ["variant"])["variant"]
+        variants = sorted(set(pd.Series(column.to_numpy())) - {0})
+        if len(variants) < 2:
+            continue
+        found = spread(parts, text.head, source.embeddings, source.captions, ranges[d], variants)
+        bars[d] = calibration(found)
+        lines.append(
+            f"{d}: spread over {len(variants)} caption variants as an error bar: to match the "
+            f"errors it must be multiplied by {inflation(found):.1f}; rank correlation with the "
+            f"error {rank_correlation(found):+.2f}"
+        )
+    return bars, lines
