@@ -39,7 +39,7 @@ def verify(work: str) -> None:
 @click.command("list")
 @click.argument("what", required=False)
 def list_names(what: str | None) -> None:
-    """Names to choose from: datasets, segmenters, styles, tokenizers, encoders, models, heads, jobs.
+    """What can be chosen: datasets, segmenters, styles, tokenizers, encoders, models, heads, jobs.
 
     \b
       rsa-data list datasets
