@@ -1,7 +1,6 @@
 """A prediction from words, corrected by what else is known: points, a range, the frames around."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -101,12 +100,10 @@ def smooth(values: np.ndarray, frames: int) -> np.ndarray:
     return np.exp((logs[last] - logs[first]) / (last - first)).astype(np.float32)
 
 
-def parse_numbers(option: str, text: str, names: str) -> Any:
-    """Numbers written as `names` says, such as fx,fy,cx,cy."""
+def camera(text: str) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy in px, written with commas between."""
     try:
-        numbers = [float(number) for number in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != names.count(",") + 1:
-        raise UsageError(f"{option}: expected {names}; found {text!r}")
-    return numbers
+        fx, fy, cx, cy = (float(number) for number in text.split(","))
+    except ValueError as error:
+        raise UsageError(f"--intrinsics: expected fx,fy,cx,cy in px; found {text!r}") from error
+    return fx, fy, cx, cy

@@ -97,16 +97,16 @@ def read_released(path: Path) -> "ScaleHead":
         raise RsaDataError(f"{path}: {error}") from error
 
 
-def import_head(work: Work, file: Path, *, name: str | None = None) -> "ScaleHead":
+def import_head(work: Work, file: Path, *, name: str | None = None) -> tuple[str, dict[str, Any]]:
     """Reads a released checkpoint and writes it as a head of a work dir.
 
     Parameters
     ----------
     name : folder of the head below WORK/heads; the file's name without its ending by default.
-    """
-    from .checkpoint import ScaleHead
 
-    head = ScaleHead.load(file) if file.suffix in (".pt", ".pth") else read_released(file)
+    Returns that folder and the head's description. A head that is there already is left as it is.
+    """
+    head = read_released(file)
     folder = f"heads/{name or file.stem}"
     if work.store.size(f"{folder}/head.json") is not None:
         raise RsaDataError(
@@ -114,4 +114,4 @@ def import_head(work: Work, file: Path, *, name: str | None = None) -> "ScaleHea
             "as it is. Give another --name"
         )
     head.save(work.store, folder)
-    return head
+    return f"{work.store.location}/{folder}", head.description
