@@ -185,7 +185,7 @@ def test_minilm_equals_transformers_with_mean_pooling_text_by_text():
         expected.append((mean / mean.norm()).numpy())
         lengths.append(inputs["input_ids"].shape[1])
 
-    table = build(encoder="minilm", store="float32")(captions(texts))
+    table = build(encoder="minilm", runtime="torch", store="float32")(captions(texts))
 
     tables.check("embeddings", table)
     np.testing.assert_allclose(tables.embedding_array(table), np.stack(expected), atol=2e-6)
@@ -198,13 +198,13 @@ def test_each_distinct_text_stands_once_in_order_of_first_appearance():
     ids, texts = distinct_texts(part)
     assert texts == ["b", "a", "c"]
     assert ids.to_pylist() == part["text_id"].take(pa.array([0, 1, 3])).to_pylist()
-    table = build(encoder="minilm")(part)
+    table = build(encoder="minilm", runtime="torch")(part)
     assert table["text_id"].to_pylist() == ids.to_pylist()
     assert table.schema.field("embedding").metadata == {b"dtype": b"float16", b"shape": b"384"}
 
 
 def test_an_empty_part_gives_an_empty_table():
-    table = build(encoder="minilm")(captions([]))
+    table = build(encoder="minilm", runtime="torch")(captions([]))
     tables.check("embeddings", table)
     assert len(table) == 0
 
