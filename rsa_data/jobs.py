@@ -14,7 +14,7 @@ encoder = "clip-rn50"
 depth_model = "depth-anything-v2-small"
 [train-head]
 name = "nyu"
-[evaluate]
+[evaluate]                           # several as [[train-head]] and [[evaluate]]
 """
 
 import tomllib
@@ -74,9 +74,15 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]
             if stage in job or stage in own:
                 stages.bind(stage, merged)
     for name, target in _WHOLE.items():
-        if name in job:
-            options.bind(_function(target), job[name], f"{path}: {name}")
+        for given in _each(job, name):
+            options.bind(_function(target), given, f"{path}: {name}")
     return job
+
+
+def _each(job: Mapping[str, Any], step: str) -> list[dict[str, Any]]:
+    """The tables of a step that may stand several times: [evaluate] or [[evaluate]]."""
+    found = job.get(step, [])
+    return found if isinstance(found, list) else [found]
 
 
 def _function(target: str) -> Callable[..., Any]:
@@ -128,10 +134,11 @@ def run(
             pipeline.stage(work, "depth", name, merged["depth"], how, root=root)
         names.append(name)
     for step, target in _WHOLE.items():
-        if step in job:
-            given = {"datasets": names, **job[step]}
+        for table in _each(job, step):
+            given = {"datasets": names, **table}
             if step == "evaluate":
-                given.setdefault("head", job.get("train-head", {}).get("name", "head"))
+                heads = _each(job, "train-head")
+                given.setdefault("head", heads[0].get("name", "head") if heads else "head")
             bound = options.bind(_function(target), given, step)
             tell_whole(step, _function(target)(work, bar=how.bar, **bound))
 

@@ -8,27 +8,36 @@ from ..errors import RsaDataError
 from ..parts import Work
 
 
-def fit_constant(groups: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> tuple[float, float]:
-    """The positive scale and shift with the least L1 error in metric depth over all groups.
+def fit_constant(
+    groups: Sequence[tuple[np.ndarray, np.ndarray, float]], relative: bool = True
+) -> tuple[float, float]:
+    """The positive scale and shift with the least error in metric depth over all groups.
 
-    groups : (y, depth in m, max_depth in m) of each dataset, arrays of shape (n,). A group's error
-        is its mean |min(1 / (scale * y + shift), max_depth) - depth| over its mean depth, so that
-        streets do not outweigh rooms; groups count alike.
+    groups : (y, depth in m, max_depth in m) of each dataset, arrays of shape (n,). The error is
+        |min(1 / (scale * y + shift), max_depth) - depth|; a group's is its mean over the depth of
+        each pixel (relative: AbsRel, the figure that tables compare, so that nothing constant
+        does better there) or over the group's mean depth (L1, the loss of a head). Groups count
+        alike, so that streets do not outweigh rooms.
 
-    The loss and the family (both positive) are those of the head, so that the head beats this only
-    by what it knows of the image. Searched on a grid of the two logarithms that closes in on its
+    Scale and shift are positive as a head's are, so that a head beats this only by what it knows of
+    the image. Searched on a grid of the two logarithms that closes in on its
     best point: no start to choose, no local minimum between grid points of the first, wide round.
     """
     scaled = [
-        (np.asarray(y, np.float64), np.asarray(d, np.float64), 1.0 / m, float(np.mean(d)))
+        (
+            np.asarray(y, np.float64),
+            np.asarray(d, np.float64),
+            1.0 / m,
+            1.0 / np.asarray(d) if relative else 1.0 / np.mean(d),
+        )
         for y, d, m in groups
     ]
 
     def loss(log_scale: float, log_shift: float) -> float:
         scale, shift = np.exp(log_scale), np.exp(log_shift)
         return sum(
-            float(np.mean(np.abs(1.0 / np.maximum(scale * y + shift, floor) - d))) / mean
-            for y, d, floor, mean in scaled
+            float(np.mean(np.abs(1.0 / np.maximum(scale * y + shift, floor) - d) * weight))
+            for y, d, floor, weight in scaled
         )
 
     # A scale of 1 is a median y at the median inverse depth; shifts reach from 1 km to 10 cm.
@@ -102,9 +111,16 @@ def fit_constants(
     # With one training set the joint constant is that set's own.
     useful = len(joint) > 1 or (joint and set(depths) - set(trained_on))
     shared = fit_constant(joint) if useful else None
+
+    def own(group: tuple[np.ndarray, np.ndarray, float]) -> dict[str, tuple[float, float]]:
+        return {
+            "constant": fit_constant([group]),
+            "constant (L1)": fit_constant([group], relative=False),
+        }
+
     return {
         name: {
-            **({"constant": fit_constant([groups[name]])} if name in groups else {}),
+            **(own(groups[name]) if name in groups else {}),
             **({"joint constant": shared} if shared else {}),
         }
         for name in depths
