@@ -7,7 +7,9 @@ import pyarrow as pa
 from rsa_data import tables
 
 
-def segments(images: dict[str, list[dict[str, Any]]], **row: Any) -> pa.Table:
+def segments(
+    images: dict[str, list[dict[str, Any]]], *, split: str = "train", **row: Any
+) -> pa.Table:
     """A segments table: {key: [{label, area, and maybe center, is_thing}, ...]}.
 
     row : values that every row has, such as status or width.
@@ -17,7 +19,7 @@ def segments(images: dict[str, list[dict[str, Any]]], **row: Any) -> pa.Table:
         centers = [s["center"] for s in found] if found and "center" in found[0] else None
         rows.append(
             {
-                "sample_id": f"nyuv2/train/{key}",
+                "sample_id": f"nyuv2/{split}/{key}",
                 "status": "ok",
                 "label": [s["label"] for s in found],
                 "score": [1.0] * len(found),
