@@ -83,8 +83,7 @@ def render(
     depth = np.full((h, w), np.inf, np.float32)
     index = np.full((h, w), -1, np.int32)
     normal = np.zeros((3, h, w), np.float32)
-    for i, solid in enumerate(solids):
-        window = _window(solid, camera)
+    for i, (solid, window) in enumerate(zip(solids, _windows(solids, camera), strict=True)):
         if window is None:
             continue
         t, n = _CAST[solid.shape](
@@ -100,23 +99,31 @@ def render(
     return View(image, ids, depth)
 
 
-def _window(solid: Solid, camera: Camera) -> tuple[slice, slice] | None:
-    """Rows and columns that can show the solid, or None when it is out of sight."""
+def _windows(solids: list[Solid], camera: Camera) -> list[tuple[slice, slice] | None]:
+    """Rows and columns that can show each solid, None for those out of sight."""
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8)
-    x, y, z = signs * np.array(solid.half)[:, None]
-    c, s = np.cos(solid.yaw), np.sin(solid.yaw)
-    offset = np.subtract(solid.centre, camera.position)[:, None]
-    x, y, z = camera.axes() @ (np.array([c * x - s * y, s * x + c * y, z]) + offset)
-    if (z < _NEAR).all():
-        return None
-    if (z < _NEAR).any():
-        return slice(0, camera.height), slice(0, camera.width)
-    column = np.clip(camera.focal * x / z + camera.width / 2, 0, camera.width)
-    row = np.clip(camera.focal * y / z + camera.height / 2, 0, camera.height)
-    rows = slice(int(row.min()), int(np.ceil(row.max())))
-    columns = slice(int(column.min()), int(np.ceil(column.max())))
-    empty = rows.start >= rows.stop or columns.start >= columns.stop
-    return None if empty else (rows, columns)
+    half, centre = np.array([s.half for s in solids]), np.array([s.centre for s in solids])
+    yaw = np.array([s.yaw for s in solids])[:, None]
+    x, y, z = (signs * half[:, :, None]).transpose(1, 0, 2)  # (n, 8) each
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = np.stack([c * x - s * y, s * x + c * y, z], 1)  # (n, 3, 8)
+    corners += (centre - camera.position)[:, :, None]
+    x, y, z = (camera.axes() @ corners).transpose(1, 0, 2)  # (n, 8) each
+    nearest, farthest = z.min(1), z.max(1)
+    z = np.maximum(z, _NEAR)
+    columns = np.clip(camera.focal * x / z + camera.width / 2, 0, camera.width)
+    rows = np.clip(camera.focal * y / z + camera.height / 2, 0, camera.height)
+    # What reaches behind the camera has no outline that could be projected.
+    whole = nearest < _NEAR
+    left = np.where(whole, 0, np.floor(columns.min(1))).astype(int)
+    right = np.where(whole, camera.width, np.ceil(columns.max(1))).astype(int)
+    top = np.where(whole, 0, np.floor(rows.min(1))).astype(int)
+    bottom = np.where(whole, camera.height, np.ceil(rows.max(1))).astype(int)
+    seen = (farthest >= _NEAR) & (left < right) & (top < bottom)
+    return [
+        (slice(int(t), int(b)), slice(int(le), int(r))) if ok else None
+        for t, b, le, r, ok in zip(top, bottom, left, right, seen, strict=True)
+    ]
 
 
 def _local(
@@ -136,8 +143,9 @@ def _local(
 def _cast_box(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> tuple:
     """Depth (h, w), inf where missed, and local normal (3, h, w): the slab method."""
     inverse = 1 / np.where(np.abs(rays) < 1e-9, np.float32(1e-9), rays)
-    near = -origin * inverse - half * np.abs(inverse)
-    far = (-origin * inverse + half * np.abs(inverse)).min(0)
+    middle, reach = -origin * inverse, half * np.abs(inverse)
+    near = middle - reach
+    far = (middle + reach).min(0)
     axis = near.argmax(0)
     t = near.max(0)
     t = np.where((t < far) & (t > _NEAR), t, np.float32(np.inf))

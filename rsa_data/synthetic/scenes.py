@@ -29,9 +29,9 @@ INDOOR = World(room, False, 0)
 STREET = World(street, True, 1)
 
 # A segment below this share of the image is annotated as nothing: detectors do not find it either.
-_SMALLEST = 0.0015
+_SMALLEST = 0.0025
 # Views that nobody would take: against a wall, or with one thing in the way.
-_FEWEST, _LARGEST_STUFF, _LARGEST_THING, _NEAREST = 4, 0.75, 0.40, 0.6
+_FEWEST, _LARGEST_STUFF, _LARGEST_THING, _NEAREST = 4, 0.85, 0.40, 0.6
 _TRIES = 20
 _BACKGROUND = frozenset(
     ("wall", "floor", "ceiling", "playingfield", "road", "pavement", "grass", "building", "sky")

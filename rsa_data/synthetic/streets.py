@@ -16,6 +16,8 @@ Range = tuple[float, float]
 class Kind:
     """One kind of street, a table `streets.*` of kinds.toml."""
 
+    ground: str
+    eye: Range
     road: Range
     walk: Range
     garden: Range
@@ -50,8 +52,8 @@ def street(number: int, rng: np.random.Generator, views: int) -> tuple[Builder, 
     b = Builder(rng, clearance=0.3)
     front = road / 2 + walk + garden
     end = min(length, 170.0)
-    _ground(b, road, walk, front)
-    cameras = [_camera(rng, road) for _ in range(views)]
+    _ground(b, kind.ground, road, walk, front)
+    cameras = [_camera(rng, road, kind.eye) for _ in range(views)]
     for camera in cameras:
         b.take(camera.position[0], camera.position[1] + 1.2, 2.2, 4.4)
     _fronts(b, kind, front, end)
@@ -72,8 +74,8 @@ def _strip(b: Builder, name: str, x1: float, x2: float, top: float) -> None:
     b.solids.append(Solid(BOX, centre, half, 0.0, colour, texture, b.segment(name)))
 
 
-def _ground(b: Builder, road: float, walk: float, front: float) -> None:
-    _strip(b, "road", -road / 2, road / 2, 0.0)
+def _ground(b: Builder, name: str, road: float, walk: float, front: float) -> None:
+    _strip(b, name, -road / 2, road / 2, 0.0)
     edge = road / 2 + walk
     for side in (-1, 1):
         if walk > 0.2:
@@ -83,7 +85,7 @@ def _ground(b: Builder, road: float, walk: float, front: float) -> None:
         else:
             _strip(b, "pavement", side * road / 2, side * 260.0, 0.02)
     # Marks belong to the road's segment: a broken line every 12 m between lanes of about 3.5 m.
-    lanes = max(1, round(road / 3.5)) if road > 4.5 else 1
+    lanes = max(1, round(road / 3.5)) if road > 4.5 and name == "road" else 1
     for k in range(1, lanes):
         x = -road / 2 + k * road / lanes
         for y in np.arange(-6.0, 120.0, 12.0):
@@ -93,11 +95,13 @@ def _ground(b: Builder, road: float, walk: float, front: float) -> None:
             b.solids.append(mark._replace(segment=b.segment("road")))
 
 
-def _camera(rng: np.random.Generator, road: float) -> Camera:
+def _camera(rng: np.random.Generator, road: float, eye: Range) -> Camera:
     """A camera on a car's roof or in a hand, somewhere on the right of the road."""
     x = float(rng.uniform(-0.1, 0.3) * road)
-    position = (x, float(rng.uniform(-1.0, 1.0)), float(rng.uniform(1.45, 1.85)))
-    yaw, pitch = float(rng.normal(0, 0.06)), float(rng.uniform(-0.05, 0.04))
+    position = (x, float(rng.uniform(-1.0, 1.0)), float(rng.uniform(*eye)))
+    # The higher, the more it looks down.
+    pitch = float(rng.uniform(-0.05, 0.04) - 0.02 * (position[2] - 1.4))
+    yaw = float(rng.normal(0, 0.06))
     return Camera(position, yaw, pitch, 216.0, 288, 162)
 
 
@@ -135,7 +139,8 @@ def _closing(b: Builder, kind: Kind, front: float, length: float) -> None:
 
 def _along(b: Builder, end: float) -> float:
     """m, a distance ahead: nearer places are likelier, as they show more."""
-    return float(3.5 + (min(end, 90.0) - 5.0) * b.rng.beta(1.0, 2.2))
+    start = min(3.5, 0.4 * end)
+    return float(start + (min(end, 90.0) - start - 0.8) * b.rng.beta(1.0, 2.2))
 
 
 def _drive(b: Builder, name: str, road: float, end: float) -> None:
@@ -144,7 +149,9 @@ def _drive(b: Builder, name: str, road: float, end: float) -> None:
     if width > road - 0.4:
         return
     for _ in range(10):
-        if name in ("person", "bicycle") or road < 8 or b.rng.random() < 0.3:  # at the kerb
+        if name in ("chair", "dining table"):
+            x = float(b.rng.uniform(-1, 1) * (road - width) / 2)
+        elif name in ("person", "bicycle") or road < 8 or b.rng.random() < 0.3:  # at the kerb
             x = float(b.rng.choice([-1, 1]) * (road - width - 0.2) / 2)
         else:
             lanes = max(2, round(road / 3.5))

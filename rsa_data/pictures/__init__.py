@@ -1,0 +1,21 @@
+"""Pictures of what the pipeline holds: segments on an image, depth, predictions beside the truth.
+
+Everything is drawn with NumPy and Pillow; a picture is uint8 of shape (h, w, 3), RGB.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from .segments import draw_segments, segment_grid
+from .sheet import Prediction, contact_sheet
+
+__all__ = ["Prediction", "contact_sheet", "draw_segments", "save", "segment_grid"]
+
+
+def save(picture: np.ndarray, path: Path) -> None:
+    """Writes a picture as PNG or JPEG, by the file's suffix; parent folders are made."""
+    from PIL import Image
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(picture).save(path, optimize=True)
