@@ -248,6 +248,13 @@ def test_too_many_segments_of_one_image():
         written(table)
 
 
+@pytest.mark.parametrize("area", [-0.1, 1.5, float("nan")])
+def test_shares_must_be_shares(area):
+    table = segments({"a": ROOM, "b": objects(("bed", 0.1), ("cup", area))})
+    with pytest.raises(RsaDataError, match=f"nyuv2/train/b: expected shares.*found {area}"):
+        written(table)
+
+
 def test_a_column_holds_two_gigabytes():
     chosen = Chosen(np.arange(3000), np.zeros(3000, np.int64), np.zeros(3000, np.int32))
     megabyte = Column(("x" * 2**20,), np.zeros(1, np.int64))

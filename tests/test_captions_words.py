@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsa_data.captions.words import clean, number_word, word
@@ -129,6 +129,58 @@ IRREGULAR_ADE = {
 }  # fmt: skip
 
 
+# The same of LVIS: of what there are pairs, areas, pieces and portions, and the other plurals.
+LVIS_AMOUNTS = {
+    "pairs": """
+        binoculars, suspenders, clippers, underdrawers, goggles, overalls, pajamas,
+        pantyhose, pliers, scissors, shears, short pants, spectacles, sunglasses, sweat
+        pants, tights, tongs, trousers
+    """,
+    "pieces": """
+        armor, asparagus, bait, bamboo, bean curd, beef, bread, broccoli, bubble gum,
+        cauliflower, celery, chain mail, chinaware, edible corn, cornbread, crabmeat, dental
+        floss, duct tape, flannel, fleece, French toast, fudge, garbage, garlic, gelatin,
+        gift wrap, ginger, ham, jewelry, leather, lettuce, money, parchment, pottery,
+        salami, soap, sportswear, string cheese, sugarcane, sushi, tinfoil, tinsel, tissue
+        paper, toast, toilet tissue, underwear
+    """,
+    "portions": """
+        alcohol, applesauce, batter, butter, cayenne, chocolate milk, chocolate mousse,
+        cider, cocoa, coleslaw, cornmeal, detergent, dishwasher detergent, fruit juice,
+        grits, honey, hot sauce, hummus, ice cream, jam, lemonade, lip balm, liquor,
+        medicine, milk, olive oil, orange juice, peanut butter, pepper, perfume, pudding,
+        root beer, salsa, shampoo, shaving cream, sour cream, soya milk, Tabasco sauce,
+        tequila, toothpaste, vinegar, vodka, whipped cream, yogurt
+    """,
+}
+LVIS_PLURALS = """
+    ax>axes, baby buggy>baby buggies, battery>batteries, bench>benches, black sheep>black sheep,
+    blackberry>blackberries, blueberry>blueberries, box>boxes, broach>broaches, brussels
+    sprouts>brussels sprouts, horse buggy>horse buggies, bus>buses, butterfly>butterflies,
+    calf>calves, camera lens>camera lenses, car battery>car batteries, cherry>cherries, cigar
+    box>cigar boxes, cockroach>cockroaches, compass>compasses, crucifix>crucifixes,
+    crutch>crutches, deer>deer, diary>diaries, die>dice, dinghy>dinghies, tux>tuxes,
+    dish>dishes, domestic ass>domestic asses, dragonfly>dragonflies, dress>dresses, elk>elk,
+    eyepatch>eyepatches, ferry>ferries, fish>fish, flash>flashes, flute glass>flute glasses,
+    glass>glasses, goldfish>goldfish, goose>geese, grizzly>grizzlies, hairbrush>hairbrushes,
+    hand glass>hand glasses, hatbox>hatboxes, headscarf>headscarves,
+    hippopotamus>hippopotamuses, hourglass>hourglasses, knife>knives, latch>latches,
+    mailbox>mailboxes, mashed potato>mashed potatoes, matchbox>matchboxes, mattress>mattresses,
+    mint candy>mint candies, mouse>mice, octopus>octopuses, ostrich>ostriches,
+    paintbrush>paintbrushes, pastry>pastries, patty>patties, peach>peaches, pencil box>pencil
+    boxes, penny>pennies, person>people, pocket watch>pocket watches, pocketknife>pocketknives,
+    pony>ponies, postbox>postboxes, potato>potatoes, pouch>pouches, puppy>puppies,
+    radish>radishes, raspberry>raspberries, rhinoceros>rhinoceroses, salmon>salmon,
+    sandwich>sandwiches, scarf>scarves, school bus>school buses, scrubbing brush>scrubbing
+    brushes, sheep>sheep, shot glass>shot glasses, snowman>snowmen, crawfish>crawfish,
+    squid>squid, stagecoach>stagecoaches, starfish>starfish, steak knife>steak knives,
+    strawberry>strawberries, stylus>styluses, sweet potato>sweet potatoes, tapestry>tapestries,
+    telephoto lens>telephoto lenses, tomato>tomatoes, toolbox>toolboxes,
+    toothbrush>toothbrushes, walrus>walruses, watch>watches, window box>window boxes,
+    wineglass>wineglasses, wolf>wolves, wrench>wrenches
+"""
+
+
 @pytest.mark.parametrize(
     ("source", "count", "irregular"),
     [("coco", 133, IRREGULAR_COCO), ("ade20k", 150, IRREGULAR_ADE)],
@@ -138,6 +190,15 @@ def test_all_plurals_of_a_list(shared, source, count, irregular):
     assert len(labels) == count
     words = [word(label) for label in labels]
     assert {w.name: w.plural for w in words if w.plural != w.name + "s"} == irregular
+
+
+def test_all_plurals_of_lvis(shared):
+    words = [word(label) for label in categories(shared / "categories")["lvis"]]
+    expected = dict(pair.strip().split(">") for pair in " ".join(LVIS_PLURALS.split()).split(","))
+    for amount, names in LVIS_AMOUNTS.items():
+        listed = [name.strip() for name in " ".join(names.split()).split(",")]
+        expected |= {name: f"{amount} of {name}" for name in listed}
+    assert {w.name: w.plural for w in words if w.plural != w.name + "s"} == expected
 
 
 def test_all_lvis_names_are_words(shared):
@@ -160,6 +221,7 @@ def test_lvis_articles_differ_from_the_letter_where_the_sound_does(shared):
     assert odd == {"an hourglass", "a unicycle", "a urinal"}
 
 
+@settings(deadline=None)
 @given(st.text(max_size=80))
 def test_any_label_has_words(label):
     found = word(label)

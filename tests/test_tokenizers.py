@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsa_data import registry
@@ -91,6 +91,7 @@ def test_fingerprints_are_those_of_the_vocabulary(name):
 
 
 @pytest.mark.parametrize("name", list(registry.TOKENIZERS))
+@settings(deadline=None)
 @given(
     words=st.lists(st.text(alphabet=st.characters(categories=["L", "N"]), min_size=1), min_size=1)
 )

@@ -62,7 +62,8 @@ def from_segments(
     label : int32 of shape (segments,), a number for the class of each segment.
     which : things (countable), background (stuff), or all.
     group : equal classes of an image become one object with their count and summed area.
-    Raises RsaDataError when an image has more than MAX_OBJECTS segments.
+    Raises RsaDataError when an image has more than MAX_OBJECTS segments, or one's share is not in
+    0 to 1.
     """
     images = len(segments)
     lengths = pc.list_value_length(segments["label"]).to_numpy()
@@ -73,6 +74,13 @@ def from_segments(
         )
     image = np.repeat(np.arange(images), lengths)
     area = pc.list_flatten(segments["area"]).to_numpy()
+    if not ((area >= 0) & (area <= 1)).all():
+        row = int(np.flatnonzero(~((area >= 0) & (area <= 1)))[0])
+        name = segments["sample_id"][int(image[row])].as_py()
+        raise RsaDataError(
+            f"captions: {name}: expected shares of the image from 0 to 1 in segments, found "
+            f"{area[row]}"
+        )
     rows = np.arange(len(label))
     if which != "all":
         things = pc.list_flatten(segments["is_thing"]).to_numpy()
