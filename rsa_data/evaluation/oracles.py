@@ -49,25 +49,26 @@ def depth_least_squares(
 
     def cost(p: np.ndarray) -> float:
         r = residual(p)[0]
-        return float(r @ r)
+        return float(np.sum(r * r))
 
     p = min((np.array([s, t + s * centre]) for s, t in starts), key=cost)
     r, slope = residual(p)
-    now, damping = float(r @ r), 1e-3
+    now, damping = float(np.sum(r * r)), 1e-3
     for _ in range(most):
-        jacobian = np.stack([slope * x, slope], 1)  # (n, 2)
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ r
+        along = slope * x  # with slope, the two columns of the Jacobian
+        aa, ab, bb = (np.sum(u * v) for u, v in ((along, along), (along, slope), (slope, slope)))
+        normal, gradient = np.array([[aa, ab], [ab, bb]]), [np.sum(along * r), np.sum(slope * r)]
         while damping < 1e12:
             diagonal = np.diag(np.maximum(np.diag(normal), 1e-30) * damping)
-            step = np.linalg.solve(normal + diagonal, -gradient)
+            step = -np.linalg.solve(normal + diagonal, gradient)
             r_next, slope_next = residual(p + step)
-            then = float(r_next @ r_next)
+            then = float(np.sum(r_next * r_next))
             if then < now:
                 break
             damping *= 10
         else:
             break
-        small = bool(np.all(np.abs(step) <= 1e-12 * (np.abs(p) + 1e-12)))
+        small = bool(np.all(np.abs(step) <= 1e-9 * np.abs(p)))
         p, r, slope, damping = p + step, r_next, slope_next, max(damping / 10, 1e-12)
         now = then
         if small:
