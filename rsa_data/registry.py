@@ -78,6 +78,7 @@ TOKENIZERS = {
 ENCODERS = {
     "minilm": "rsa_data.encoders.sentence:MINILM",
     "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50",
+    "hf": "rsa_data.encoders.huggingface:HF",
 }
 
 DEPTH_MODELS = {

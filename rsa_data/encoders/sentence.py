@@ -7,7 +7,7 @@ that are read.
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,26 +15,27 @@ from ..errors import RsaDataError
 from ..registry import extras
 from . import Ids, TextEncoder, TextModel
 from .batches import LENGTH_AXES, by_length
+from .pretrained import folder_files, load_model
 
-if TYPE_CHECKING:
-    pass
-
-_CONFIGS = ("config.json", "modules.json", "sentence_bert_config.json", "tokenizer.json")
-
-
-def folder_files(folder: Path) -> dict[str, Path]:
-    """The files of a sentence encoder's folder that decide its features, by relative name."""
-    names = [*_CONFIGS, "1_Pooling/config.json", "model.safetensors"]
-    if missing := [name for name in names if not (folder / name).is_file()]:
-        raise RsaDataError(
-            f"{folder}: expected a sentence encoder in the layout of sentence-transformers; "
-            f"{missing[0]} is not there"
-        )
-    return {name: folder / name for name in names}
+_NEEDED = (
+    "config.json",
+    "modules.json",
+    "sentence_bert_config.json",
+    "tokenizer.json",
+    "1_Pooling/config.json",
+)
 
 
 def load(files: dict[str, Path]) -> TextModel:
-    """The encoder of the files that `folder_files` names."""
+    """The encoder of the files that `pretrained.folder_files` names.
+
+    Raises RsaDataError when the folder lacks a file, or asks for steps that are not known here.
+    """
+    if missing := [name for name in _NEEDED if name not in files]:
+        raise RsaDataError(
+            f"{files['config.json'].parent}: expected a sentence encoder in the layout of "
+            f"sentence-transformers; {missing[0]} is not there"
+        )
     pooling = _pooling(files["1_Pooling/config.json"])
     steps = [module["type"].rsplit(".", 1)[-1] for module in _json(files["modules.json"])]
     if steps not in (["Transformer", "Pooling"], ["Transformer", "Pooling", "Normalize"]):
@@ -94,10 +95,8 @@ def _module(folder: Path, pooling: str, normalize: bool) -> Any:
     import torch
     from torch.nn import functional as F
     from transformers import AutoModel
-    from transformers.utils import logging
 
-    logging.disable_progress_bar()
-    model = AutoModel.from_pretrained(str(folder), local_files_only=True, dtype=torch.float32)
+    model = load_model(AutoModel, folder)
 
     class SentenceEncoder(torch.nn.Module):
         dim = int(model.config.hidden_size)
