@@ -52,7 +52,9 @@ def write(
         ids = [f"{dataset}/{split}/{row:06d}" for row in rows]
         blank = dict.fromkeys(tables.schema("samples").names)
         samples = [
-            blank | {"sample_id": i, "dataset": dataset, "split": split, "scene": scenes[row]}
+            blank
+            | {"sample_id": i, "dataset": dataset, "split": split, "scene": scenes[row]}
+            | {"image": f"{split}/{row:06d}.jpg"}
             for i, row in zip(ids, rows, strict=True)
         ]
         variants = [
