@@ -53,7 +53,12 @@ class Stage:
 
 STAGES = {
     "detect": Stage(
-        1, "rsa_data.segmenters.detect", "segments", "sample_id", "source", ("model", "model_card")
+        1,
+        "rsa_data.segmenters.detect",
+        "segments",
+        "sample_id",
+        "source",
+        ("model", "model_card", "threads"),
     ),
     "captions": Stage(1, "rsa_data.captions.write", "captions", "sample_id", "style"),
     "embed": Stage(

@@ -28,7 +28,7 @@ def build(
     score_threshold: float | None = None,
     masks: bool = False,
     features: str | None = None,
-    threads: int = 1,
+    threads: int = 2,
     batch: int = 1,
     device: Device = "auto",
 ) -> Step:
@@ -45,7 +45,8 @@ def build(
     score_threshold : lowest score that is kept, instead of the model's own.
     masks : keep each segment's mask as COCO run lengths.
     features : output of the graph to keep one row of for each segment.
-    threads : CPU threads of the model in each worker.
+    threads : images that the model runs on at the same time in each worker, each on one core;
+        what comes out does not depend on it.
     batch : images in a run of the model, where it takes more than one.
     device : where the model runs; auto takes CUDA where onnxruntime has it.
     """

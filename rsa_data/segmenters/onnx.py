@@ -1,7 +1,7 @@
 """The segmenter that runs an ONNX model: reading, inference and decoding overlap."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,10 @@ from ..progress import advance
 from . import Segments, to_table
 from .graph import Detector, Prepared, class_table, load
 
-# Images in flight for each thread that reads or decodes: enough that the model never waits for a
-# slow one, few enough that memory stays at some tens of images.
-_AHEAD = 4
 _HELPERS = 2
+# Images read before the model asks for them: enough that it never waits for a slow one, few enough
+# that memory stays at some tens of images.
+_AHEAD = 8
 
 
 def build(
@@ -33,7 +33,7 @@ def build(
     score_threshold: float | None = None,
     masks: bool = False,
     features: str | None = None,
-    threads: int = 1,
+    threads: int = 2,
     batch: int = 1,
     device: Device = "auto",
 ) -> Callable[[pa.Table], pa.Table]:
@@ -51,7 +51,6 @@ def build(
         local_file(card, model, "--model"),
         table=class_table(card),
         score_threshold=score_threshold,
-        threads=threads,
         device=device,
         features=features,
         with_masks=masks,
@@ -69,7 +68,8 @@ def build(
                 raise RowError(f"{path}: {error}") from error
 
         paths = samples["image"].to_pylist()
-        return to_table(samples["sample_id"].to_pylist(), detect(detector, read, paths, batch))
+        found = detect(detector, read, paths, threads=threads, batch=batch)
+        return to_table(samples["sample_id"].to_pylist(), found)
 
     return step
 
@@ -93,65 +93,85 @@ def detect(
     detector: Detector,
     read: Callable[[str | None], Prepared],
     paths: list[str | None],
+    *,
+    threads: int = 1,
     batch: int = 1,
 ) -> Iterator[Segments | RowError]:
     """What each image shows, in the order of `paths`, or the error that quarantines it.
 
-    Two helper threads read and decode while this one runs the model. What is in a batch follows
-    from `paths` alone: consecutive good images whose tensors have one shape.
+    Helpers read and decode while `threads` runs of the model go on, each on one core: that keeps
+    the cores busier than one run on all of them, and what comes out does not depend on `threads`.
+    What is in a batch follows from `paths` alone: consecutive good images of one tensor shape.
     """
-    with ThreadPoolExecutor(_HELPERS) as pool:
-        reading = _ahead(pool, read, paths)
-        finished: deque[Future[Segments] | RowError] = deque()
-        waiting: list[tuple[int, Prepared]] = []
-        ready: list[Future[Segments] | RowError | None] = []
+    with ThreadPoolExecutor(_HELPERS) as helpers, ThreadPoolExecutor(threads) as runners:
 
-        def flush() -> None:
-            outputs = detector.run([prepared for _, prepared in waiting])
-            for (place, (_, geometry)), arrays in zip(waiting, outputs, strict=True):
-                ready[place] = pool.submit(detector.finish, arrays, geometry)
-            waiting.clear()
-            finished.extend(item for item in ready if item is not None)
-            ready.clear()
+        def run(group: list[Prepared]) -> list[Future[Segments]]:
+            found = detector.run(group) if group else []
+            return [
+                helpers.submit(detector.finish, outputs, geometry)
+                for outputs, (_, geometry) in zip(found, group, strict=True)
+            ]
 
-        for future in reading:
-            try:
-                prepared = future.result()
-            except RowError as error:
-                ready.append(error)
-                continue
-            if waiting and waiting[0][1][0].shape != prepared[0].shape:
-                flush()
-            ready.append(None)
-            waiting.append((len(ready) - 1, prepared))
-            if len(waiting) == batch:
-                flush()
-            while len(finished) > _AHEAD * _HELPERS:
-                yield _result(finished.popleft())
-        if waiting:
-            flush()
-        finished.extend(item for item in ready if item is not None)
-        while finished:
-            yield _result(finished.popleft())
+        # One entry a group of images: their places in it or their errors, and the run.
+        going: deque[tuple[list[int | RowError], Future[list[Future[Segments]]]]] = deque()
+        for places, group in _groups(_ahead(helpers, read, paths, threads * batch), batch):
+            going.append((places, runners.submit(run, group)))
+            if len(going) > 2 * threads:
+                yield from _results(*going.popleft())
+        for entry in going:
+            yield from _results(*entry)
 
 
 def _ahead(
-    pool: ThreadPoolExecutor, read: Callable[[str | None], Prepared], paths: list[str | None]
-) -> Iterator[Future[Prepared]]:
-    """Futures of `read` in order, a few submitted ahead of the one that is asked for."""
+    pool: ThreadPoolExecutor,
+    read: Callable[[str | None], Prepared],
+    paths: list[str | None],
+    wanted: int,
+) -> Iterator[Prepared | RowError]:
+    """`read` of each path in order, some begun before they are asked for."""
     futures: deque[Future[Prepared]] = deque()
     for path in paths:
         futures.append(pool.submit(read, path))
-        if len(futures) > _AHEAD * _HELPERS:
-            yield futures.popleft()
-    yield from futures
+        if len(futures) > wanted + _AHEAD:
+            yield _settled(futures.popleft())
+    for future in futures:
+        yield _settled(future)
 
 
-def _result(item: Future[Segments] | RowError) -> Segments | RowError:
-    advance(1)
-    if isinstance(item, RowError):
-        return item
+def _groups(
+    images: Iterable[Prepared | RowError], batch: int
+) -> Iterator[tuple[list[int | RowError], list[Prepared]]]:
+    """Up to `batch` consecutive images of one shape, with the errors that stood between them."""
+    places: list[int | RowError] = []
+    group: list[Prepared] = []
+    for image in images:
+        if isinstance(image, RowError):
+            places.append(image)
+            continue
+        if group and group[0][0].shape != image[0].shape:
+            yield places, group
+            places, group = [], []
+        places.append(len(group))
+        group.append(image)
+        if len(group) == batch:
+            yield places, group
+            places, group = [], []
+    if places:
+        yield places, group
+
+
+def _results(
+    places: list[int | RowError], run: Future[list[Future[Segments]]]
+) -> Iterator[Segments | RowError]:
+    found = run.result()
+    for place in places:
+        advance(1)
+        yield place if isinstance(place, RowError) else _settled(found[place])
+
+
+def _settled(future: Future[Any]) -> Any:
+    """A future's result, or the RowError that it ended in."""
     try:
-        return item.result()
+        return future.result()
     except RowError as error:
         return error
