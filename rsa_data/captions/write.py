@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 
 from .. import registry
-from ..encoders.tokenizers import Tokenizer
+from ..encoders import tokenizers
 from ..errors import UsageError
 from . import natural, summary
 from .augment import Domain
@@ -60,7 +60,7 @@ def build(
     domain : where replaced and inserted objects come from, street or indoor.
     """
     target, argument = _resolve(style)
-    counter: Tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)()
+    counter = tokenizers.named(tokenizer)
     if not isinstance(target, Wording):
         return natural.step(style, target(argument), counter)
     for name, value, low, high in (
@@ -79,7 +79,7 @@ def build(
             "take the style occupancy"
         )
     limit = counter.max_tokens if max_tokens is None else max_tokens or 2**30
-    metadata = {"style": style, "style_version": str(target.version), "tokenizer": tokenizer}
+    metadata = {"style": style, "style_version": str(target.version), "tokenizer": counter.name}
     recipe = Recipe(
         wording=target,
         tokenizer=counter,
@@ -114,7 +114,7 @@ def files(*, style: str = "occupancy", **_: object) -> dict[str, Path]:
 def identity(*, style: str = "occupancy", tokenizer: str = "clip", **_: object) -> dict[str, str]:
     """What the texts follow from beside options and files: version of the wording, vocabulary."""
     target, _argument = _resolve(style)
-    counter: Tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)()
+    counter = tokenizers.named(tokenizer)
     version = target.version if isinstance(target, Wording) else natural.VERSION
     return {"style_version": str(version), "tokenizer": counter.fingerprint}
 
@@ -126,7 +126,7 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     stage's inputs, on which is tried which options would keep more. options : those of `build`.
     """
     bound = {n: p.default for n, p in inspect.signature(build).parameters.items()} | options
-    counter: Tokenizer = registry.resolve("tokenizer", registry.TOKENIZERS, bound["tokenizer"])()
+    counter = tokenizers.named(bound["tokenizer"])
     if not needs_segments(bound["style"]):
         return summary.import_lines(captions, counter)
     asked = bound["max_tokens"]

