@@ -96,8 +96,8 @@ def _claim(root: Path, recipe: Recipe) -> None:
     found = _written_recipe(root)
     if found is None and any(not p.name.startswith(".") for p in root.iterdir()):
         raise RsaDataError(
-            f"{recipe.name}: {root}: expected an empty folder or one with recipe.json, found other "
-            "files; give another --root"
+            f"{recipe.name}: {root}: expected an empty folder or one with its recipe.json, found "
+            "other files; give another --root"
         )
     if found is None:
         _write(root / "recipe.json", json.dumps(asdict(recipe), indent=1).encode())

@@ -204,7 +204,7 @@ def _shade(solids, camera, rays, depth, index, normal, outdoors, rng) -> np.ndar
     x, y, z = point - centre[:, i]
     local = np.stack([c * x + s * y, c * y - s * x, z])
     n = normal[:, hit]
-    paint = textured([s.texture for s in solids], i, local, half[:, i], n, colour[:, i])
+    paint = textured([s.texture for s in solids], i, local, half[:, i], n, colour[:, i], depth[hit])
     n = np.stack([c * n[0] - s * n[1], s * n[0] + c * n[1], n[2]])
     light = (
         np.array([-0.35, -0.55, 0.76], np.float32)

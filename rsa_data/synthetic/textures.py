@@ -84,6 +84,8 @@ TEXTURES = {
     "panes": _panes,
 }
 
+_FINE = {"planks", "tiles", "bricks", "siding", "books", "stripes"}
+
 
 def textured(
     names: Sequence[str],
@@ -92,6 +94,7 @@ def textured(
     half: np.ndarray,
     normal: np.ndarray,
     colour: np.ndarray,
+    depth: np.ndarray,
 ) -> np.ndarray:
     """float32 of shape (3, n): the colour of n points on solids, patterns applied.
 
@@ -99,6 +102,7 @@ def textured(
     index : int of shape (n,), the solid that each point lies on.
     local, half, normal : float32 of shape (3, n), m, in the solid's own frame.
     colour : float32 of shape (3, n), 0 to 1.
+    depth : float32 of shape (n,), m; far away, patterns finer than a pixel fade.
     """
     codes = np.array([list(TEXTURES).index(name) if name else -1 for name in names])[index]
     paint = colour.copy()
@@ -113,5 +117,7 @@ def textured(
         factor = TEXTURES[name](u, v)
         if name in ("facade", "house front"):  # a flat roof has no windows
             factor = np.where(axis == 2, 1.0, factor)
+        if name in _FINE:
+            factor = 0.96 + (factor - 0.96) / (1 + (depth[chosen] / 9) ** 4)
         paint[:, chosen] *= factor.astype(np.float32)
     return paint
