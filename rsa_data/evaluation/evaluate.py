@@ -17,6 +17,7 @@ from .paper import paper_rows
 from .protocols import PROTOCOLS
 from .rows import measure
 from .setting import parts_of, rules_of, tables_of, with_split
+from .sizes import by_object_sizes, has_sizes
 from .summary import Row, summarise
 
 
@@ -90,12 +91,14 @@ def evaluate(
             )
             for label, other in heads.items()
         }
+        parts = parts_of(work, name, depths[name], split)
+        if segments := has_sizes(work, name, tables[head][name].captions, parts[0]):
+            methods["object sizes"] = by_object_sizes(segments)
         methods |= {
             **external_methods(external, name),
             **{label: by_constant(*pair) for label, pair in constants[name].items()},
             **oracle_methods(ranges[name].max_depth),
         }
-        parts = parts_of(work, name, depths[name], split)
         found.append(measure(parts, methods, ranges[name], bar))
         if compare:
             depth = work.table(name, depths[name])

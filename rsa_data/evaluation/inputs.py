@@ -22,6 +22,7 @@ class Image:
     row : its place in the part. sample : its row of samples.
     y : float64 of shape (n,), relative depth; gt : float64 of shape (n,), m.
     valid : bool of shape (height, width), the n pixels, row by row, that y and gt hold.
+    relative : float16 of shape (height, width), y of the whole image.
     """
 
     row: int
@@ -29,6 +30,7 @@ class Image:
     y: np.ndarray
     gt: np.ndarray
     valid: np.ndarray
+    relative: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,8 @@ def _image(number: int, sample: dict[str, Any], row: dict[str, Any], rules: Rule
     valid = (gt > rules.min_depth) & (gt < rules.max_depth) & ~np.isnan(y) & rules.region(*shape)
     if not valid.any():
         raise RowError("no valid pixel under this protocol")
-    return Image(number, sample, y[valid].astype(np.float64), gt[valid].astype(np.float64), valid)
+    pixels = y[valid].astype(np.float64), gt[valid].astype(np.float64)
+    return Image(number, sample, *pixels, valid, y)
 
 
 def rows_of(values: Any, among: Any) -> np.ndarray:
