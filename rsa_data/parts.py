@@ -240,6 +240,11 @@ class Parts:
         failpoint("manifested")
         return merged
 
+    def stored_manifest(self) -> dict[str, Any] | None:
+        """manifest.json as it lies there, or None when the table is not finished."""
+        data = self.store.read(f"{self.path}/manifest.json")
+        return None if data is None else json.loads(data)
+
     def complete(self) -> bool:
         """Whether the table has been finished; an index that was stopped half-way has not."""
         return self.store.size(f"{self.path}/manifest.json") is not None

@@ -94,7 +94,8 @@ def run(
     undone: dict[int, str] = {}
     shown = bar(f"{job.dataset} {job.stage}", sum(sizes.values()))
     with RunLog(work, job.dataset, job.output) as log:
-        log.write("begin", table=str(output), parts=len(tasks), rows=sum(sizes.values()))
+        if tasks:
+            log.write("begin", table=str(output), parts=len(tasks), rows=sum(sizes.values()))
         try:
             for result in _watched(job, description, tasks, engine, shown, sizes, max_failures):
                 _take_down(log, result, sizes[result.number])
@@ -103,7 +104,8 @@ def run(
         finally:
             shown.close()
         output.manifest(work.table(job.dataset, "samples").parts())
-        log.write("end", done=len(tasks) - len(undone), undone=len(undone))
+        if tasks:
+            log.write("end", done=len(tasks) - len(undone), undone=len(undone))
     receipts = [output.receipt(n) for n in numbers if n not in undone]
     _all_accounted(job, receipts)
     total = {k: sum(r[k] for r in receipts) for k in ("rows", "ok", "failed", "skipped", "bytes")}

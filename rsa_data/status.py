@@ -1,17 +1,17 @@
-"""What stands in a work dir, and whether it is what its receipts say."""
+"""What stands in a work dir: how far each table is, and what is out of date."""
 
-import hashlib
-from collections.abc import Callable
+import json
 from typing import Any
 
-from . import tables
-from .console import size, table_lines
+from . import index, logs, stages, tables
+from .console import table_lines
 from .errors import RsaDataError
-from .parts import Parts, Work
+from .parts import Parts, Work, fingerprint
+from .units import size
 
 
 def status(work: Work) -> list[str]:
-    """One line a table: parts, rows ok, failed, skipped, bytes, and what is out of date."""
+    """One line a table: parts, rows ok, failed, skipped, bytes, rate, and what is out of date."""
     lines: list[str] = []
     for dataset in work.datasets():
         total = len(work.table(dataset, "samples").parts())
@@ -23,70 +23,73 @@ def status(work: Work) -> list[str]:
             *rows_done, used = counts
             numbers = [f"{count:,}" for count in rows_done]
             done = f"{len(receipts)}/{total}"
-            rows.append([name, done, *numbers, size(used), stale(work, table)])
-        header = ["table", "parts", "ok", "failed", "skipped", "size", ""]
+            rate = logs.rate(logs.last_run(work, dataset, name))
+            speed = "" if rate is None else f"{rate:,.1f}"
+            rows.append([name, done, *numbers, size(used), speed, stale(work, table)])
+        header = ["table", "parts", "ok", "failed", "skipped", "size", "rows/s", ""]
         lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
+    for name in heads(work):
+        lines.append(f"heads/{name}  {head_state(work, name)}".rstrip())
     return lines or [f"{work.store.location}: no dataset yet"]
 
 
 def stale(work: Work, table: Parts) -> str:
-    """Says how many parts were made from an input that has changed since, or nothing."""
+    """Says how many parts are out of date, and what to do, or nothing."""
+    description = table.description()
+    stage = stages.STAGES.get(description["stage"])
+    if stage is not None and description["stage_version"] != stage.version:
+        return "made by another version of its stage: --start-over makes it anew"
+    if description.get("schema_version") not in (
+        None,
+        tables.definition(description["schema"])["version"],
+    ):
+        return "of another schema version: --start-over makes it anew"
+    old = outdated(work, table)
+    return f"{len(old)} parts out of date" if old else ""
+
+
+def outdated(work: Work, table: Parts) -> set[int]:
+    """Parts made from an input that has changed since, or is itself out of date."""
     inputs = [work.table(table.dataset, name) for name in table.description()["inputs"]]
-    old = 0
+    there = {source.name: set(source.parts()) for source in inputs}
+    old_inputs: set[int] = set()
+    for source in inputs:
+        if source.exists():
+            old_inputs |= outdated(work, source)
+    old = set()
     for number in table.parts():
         made_from = table.receipt(number).get("inputs", {})
         for source in inputs:
-            there = source.parts()
-            digest = source.receipt(number)["digest"] if number in there else None
-            if made_from.get(source.name) != digest:
-                old += 1
-                break
-    return f"{old} parts out of date" if old else ""
+            known = number in there[source.name]
+            digest = source.receipt(number)["digest"] if known else None
+            if made_from.get(source.name) != digest or number in old_inputs:
+                old.add(number)
+    return old
 
 
-def verify(work: Work, say: Callable[[str], Any]) -> int:
-    """Reads every part of every table again. Says each problem; returns how many there are.
-
-    Checked: bytes and sha256 against the receipt, schema, digest of the content, rows accounted
-    for against the input, and that no part came from an input that has changed since.
-    """
-    problems = 0
-    checked = total = 0
-    for dataset in work.datasets():
-        for name in work.tables(dataset):
-            table = work.table(dataset, name)
-            description = table.description()
-            for number in table.parts():
-                found = list(_check(work, table, description, number))
-                for text in found:
-                    say(f"{table} part {number}: {text}")
-                problems += len(found)
-                checked += 1
-                total += table.receipt(number)["bytes"]
-    say(f"{checked} parts, {size(total)} read: {problems or 'no'} problems")
-    return problems
+def heads(work: Work) -> list[str]:
+    """Names of the finished heads."""
+    names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
+    return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
 
 
-def _check(work: Work, table: Parts, description: dict[str, Any], number: int) -> Any:
-    receipt = table.receipt(number)
-    data = table.store.read(f"{table.path}/{receipt['file']}")
-    if data is None:
-        yield "expected a file, found none"
-        return
-    if (found := hashlib.sha256(data).hexdigest()) != receipt["sha256"]:
-        yield f"expected sha256 {receipt['sha256'][:12]}..., found {found[:12]}..."
-        return
-    try:
-        rows = table.read(number)
-        tables.check(description["schema"], rows)
-    except RsaDataError as error:
-        yield str(error)
-        return
-    if tables.digest(rows) != receipt["digest"]:
-        yield "the content has another digest than the receipt says"
-    for name, digest in receipt.get("inputs", {}).items():
-        source = work.table(table.dataset, name)
-        if number not in source.parts():
-            yield f"its input {name} is not there any more"
-        elif source.receipt(number)["digest"] != digest:
-            yield f"its input {name} has changed since: run the stage again"
+def head_state(work: Work, name: str) -> str:
+    """Whether the tables that a head was trained on are still the same ones, or nothing to say."""
+    description = json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
+    changed = []
+    for dataset, about in description.get("datasets", {}).items():
+        if dataset not in work.datasets():
+            continue
+        try:
+            splits = index.load_dataset(work, dataset).test_splits
+        except RsaDataError:
+            continue  # a dataset of a package that is not installed here
+        samples = work.table(dataset, "samples")
+        numbers = [n for n in samples.parts() if samples.receipt(n)["split"] not in splits]
+        for table_name, digest in about.get("tables", {}).items():
+            table = work.table(dataset, table_name)
+            there = set(table.parts())
+            digests = [table.receipt(n)["digest"] for n in numbers if n in there]
+            if fingerprint(digests) != digest:
+                changed.append(table.path)
+    return f"out of date: trained before {', '.join(changed)} changed" if changed else ""

@@ -87,7 +87,8 @@ class S3Store:
 
     def finish(self, path: str) -> None:
         lines, _ = self.logs.pop(path, ([], 0.0))
-        self.write(path, b"".join(lines))
+        if lines:
+            self.write(path, b"".join(lines))
 
     def delete(self, path: str) -> None:
         self._ask("delete", path, lambda: self.client.delete_object(**self._at(path)))

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 import rooms
 
-from rsa_data import run, status
+from rsa_data import run, verify
 from rsa_data.errors import RsaDataError, TransientError
 from rsa_data.parts import Work
 from rsa_data.storage import open_store
@@ -130,7 +130,7 @@ def test_a_stage_gives_the_same_bytes_as_in_a_folder(place, tmp_path):
         kept[str(location)] = {name: work.store.read(f"{table.path}/{name}") for name in files}
         assert run.run(rooms.captions_job(work), bar=rooms.NoBar).done == 0
         said: list[str] = []
-        assert status.verify(work, said.append) == 0, said
+        assert verify.verify(work, said.append) == 0, said
     assert kept[place] == kept[str(tmp_path)]
     assert len(kept[place]) == 3 * 2 + 2
     assert [name for name in open_store(place).list("logs") if name.startswith("rooms.captions")]

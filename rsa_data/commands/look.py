@@ -6,6 +6,7 @@ import click
 
 from .. import jobs, options, registry
 from .. import status as state
+from .. import verify as checks
 from ..errors import RsaDataError
 from ..parts import Work
 from .shared import work_option
@@ -25,13 +26,22 @@ def status(work: str) -> None:
 
 @click.command()
 @work_option
-def verify(work: str) -> None:
+@click.option(
+    "--recompute",
+    default=0,
+    metavar="N",
+    help="Also make N random parts of each table again and compare.",
+)
+def verify(work: str, recompute: int) -> None:
     """Read every part again and hold it against its receipt.
 
     \b
       rsa-data verify
+      rsa-data verify --recompute 2
     """
-    problems = state.verify(Work(work), click.echo)
+    problems = checks.verify(Work(work), click.echo)
+    if recompute:
+        problems += checks.recompute(Work(work), recompute, click.echo)
     if problems:
         raise RsaDataError(f"{problems} problems found; delete a bad part's receipt to make it new")
 
@@ -73,6 +83,7 @@ _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "styles": lambda: registry.described(registry.STYLES),
     "tokenizers": lambda: registry.described(registry.TOKENIZERS),
     "encoders": lambda: registry.described(registry.ENCODERS),
+    "image-encoders": lambda: registry.described(registry.IMAGE_ENCODERS),
     "depth-models": lambda: registry.described(registry.DEPTH_MODELS),
     "heads": lambda: registry.described(registry.HEADS),
     "jobs": jobs.described,
