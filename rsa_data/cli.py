@@ -14,6 +14,7 @@ from .errors import RsaDataError
 COMMANDS = {
     "captions": "rsa_data.commands.tables:captions",
     "embed": "rsa_data.commands.tables:embed",
+    "embed-images": "rsa_data.commands.tables:embed_images",
     "depth": "rsa_data.commands.tables:depth",
     "train-head": "rsa_data.commands.heads:train_head",
     "evaluate": "rsa_data.commands.heads:evaluate",
@@ -27,6 +28,7 @@ COMMANDS = {
     "status": "rsa_data.commands.look:status",
     "verify": "rsa_data.commands.look:verify",
     "show": "rsa_data.commands.look:show",
+    "report": "rsa_data.commands.report:report",
     "list": "rsa_data.commands.look:list_names",
     "demo": "rsa_data.commands.demo:demo",
 }

@@ -27,7 +27,7 @@ from .errors import UsageError
 from .parts import Work
 from .pipeline import How
 
-_ROW_STAGES = ("detect", "captions", "embed", "depth")
+_ROW_STAGES = ("detect", "captions", "embed", "embed-images", "depth")
 _WHOLE = {
     "train-head": "rsa_data.heads.training:train_head",
     "evaluate": "rsa_data.evaluation.evaluate:evaluate",
@@ -130,6 +130,8 @@ def run(
         if "embed" in wanted:
             style = stages.name_of(stages.bind("captions", merged["captions"])["style"])
             pipeline.embed(work, name, merged["embed"], how, style=style)
+        if "embed-images" in wanted:
+            pipeline.stage(work, "embed-images", name, merged["embed-images"], how, root=root)
         if "depth" in wanted:
             pipeline.stage(work, "depth", name, merged["depth"], how, root=root)
         names.append(name)

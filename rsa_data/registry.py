@@ -43,6 +43,8 @@ SEGMENTERS = {
     "yolox-tiny": "rsa_data.segmenters.onnx:build",
     "rsa-release": "rsa_data.segmenters.rsa_release:build",
     "coco-panoptic": "rsa_data.segmenters.coco_panoptic:build",
+    "coco-detections": "rsa_data.segmenters.coco_detections:build",
+    "cityscapes": "rsa_data.segmenters.cityscapes:build",
     "labels": "rsa_data.segmenters.label_maps:build",
 }
 
@@ -80,6 +82,11 @@ ENCODERS = {
     "minilm": "rsa_data.encoders.sentence:MINILM",
     "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50",
     "hf": "rsa_data.encoders.huggingface:HF",
+}
+
+IMAGE_ENCODERS = {
+    "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50_IMAGE",
+    "hf": "rsa_data.encoders.huggingface_image:HF_IMAGE",
 }
 
 DEPTH_MODELS = {

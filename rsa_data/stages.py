@@ -69,6 +69,14 @@ STAGES = {
         "encoder",
         ("weights", "audit_head"),
     ),
+    "embed-images": Stage(
+        1,
+        "rsa_data.encoders.embed_images",
+        "image_embeddings",
+        "sample_id",
+        "encoder",
+        ("weights",),
+    ),
     "depth": Stage(1, "rsa_data.depth.measure", "depth", "sample_id", "depth_model", ("weights",)),
 }
 
@@ -149,6 +157,8 @@ def job(
         assert upstream is not None
         output = f"embeddings/{upstream.removeprefix('captions/')}/{name}"
         inputs = (upstream,)
+    elif stage == "embed-images":
+        output = f"embeddings/images/{name}"
     root = index.find_root(work, dataset, root)
     return Job(
         work.store.location, dataset, stage, bound, inputs, output, str(root) if root else None

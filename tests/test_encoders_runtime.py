@@ -9,7 +9,7 @@ import torch
 from test_encoders import captions
 
 from rsa_data import registry, tables
-from rsa_data.encoders import TextEncoder, TextModel, audit
+from rsa_data.encoders import Encoder, TextModel, audit
 from rsa_data.encoders.batches import PREFIX_AXES, by_prefix
 from rsa_data.encoders.clip_text import TextTower
 from rsa_data.encoders.embed import build, encode, notes
@@ -36,7 +36,7 @@ def load(files) -> TextModel:
     return TextModel(tower, clip().encode, by_prefix, 64, PREFIX_AXES, 32, False)
 
 
-TINY = TextEncoder(lambda argument, weights: {}, load)
+TINY = Encoder("A tiny CLIP.", lambda argument, weights: {}, load)
 
 
 @pytest.fixture(autouse=True)

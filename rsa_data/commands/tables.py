@@ -9,6 +9,7 @@ from .. import jobs, pipeline, stages
 from ..captions.write import build as captions_build
 from ..depth.measure import build as depth_build
 from ..encoders.embed import build as embed_build
+from ..encoders.embed_images import build as embed_images_build
 from ..options import click_options
 from ..parts import Work
 from ..pipeline import How
@@ -73,6 +74,24 @@ def embed(work: Work, how: How, wanted: tuple[str, ...], style: str | None, **op
     for name in pipeline.known_datasets(work, wanted):
         pipeline.embed(work, name, options, how, style=style)
     say_next(work, "depth --dataset NAME --depth-model MODEL, then: rsa-data train-head")
+
+
+@click.command("embed-images")
+@running
+@one_dataset
+@click_options(embed_images_build, hidden=stages.GIVEN)
+def embed_images(
+    work: Work, how: How, dataset: str, root: Path | None, given: dict, **options: Any
+) -> None:
+    """Turn the images of a dataset into features, for a head that learns from images.
+
+    \b
+      rsa-data embed-images --dataset nyuv2 --encoder clip-rn50
+      rsa-data embed-images --dataset nyuv2 --encoder hf:openai/clip-vit-large-patch14-336
+    """
+    name = pipeline.samples(work, dataset, given, root=root)
+    pipeline.stage(work, "embed-images", name, options, how, root=root)
+    say_next(work, "train-head --style images")
 
 
 @click.command()

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -40,13 +40,36 @@ class TextModel:
 
 
 @dataclass(frozen=True)
-class TextEncoder:
-    """An entry of registry.ENCODERS.
+class ImageModel:
+    """An image encoder with its weights.
 
-    files : (argument of `name:argument`, the user's --weights) -> the files whose bytes decide
-        the features, by a name of their own; downloads what may be downloaded.
-    load : those files -> TextModel.
+    module : takes `pixels`, float32 of shape (b, 3, height, width), returns (b, dim).
+    prepare : uint8 of shape (h, w, 3), RGB -> float32 of shape (3, height, width).
+    dim : length of a feature, which is not normalised.
     """
 
+    module: "torch.nn.Module"
+    prepare: Callable[[np.ndarray], np.ndarray]
+    dim: int
+
+
+Model = TypeVar("Model", TextModel, ImageModel)
+
+
+@dataclass(frozen=True)
+class Encoder(Generic[Model]):
+    """An entry of registry.ENCODERS (of TextModel) or IMAGE_ENCODERS (of ImageModel).
+
+    doc : one line for `rsa-data list`.
+    files : (argument of `name:argument`, the user's --weights) -> the files whose bytes decide
+        the features, by a name of their own; downloads what may be downloaded.
+    load : those files -> the model.
+    """
+
+    doc: str
     files: Callable[[str | None, Path | None], dict[str, Path]]
-    load: Callable[[dict[str, Path]], TextModel]
+    load: Callable[[dict[str, Path]], Model]
+
+    def __post_init__(self) -> None:
+        # `rsa-data list` shows the documentation of what a name stands for.
+        object.__setattr__(self, "__doc__", self.doc)

@@ -29,6 +29,9 @@ _STORAGES = {
 }
 
 
+_COUNTER = "num_batches_tracked"
+
+
 def read_tensors(path: Path) -> "dict[str, torch.Tensor]":
     """All tensors of a checkpoint by name, as stored (their dtype is not changed).
 
@@ -158,7 +161,9 @@ def load_strictly(
     """
     import torch
 
-    want = dict(module.named_parameters())
+    # BatchNorm counts its training batches; nothing reads that, and some files lack it.
+    want = {n: t for n, t in module.state_dict().items() if not n.endswith(_COUNTER)}
+    tensors = {n: t for n, t in tensors.items() if not n.endswith(_COUNTER)}
     if missing := sorted(set(want) - set(tensors)):
         raise RsaDataError(
             f"{path}: another architecture: expected the tensor {missing[0]!r}"

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from .. import progress, registry, tables
 from ..errors import RsaDataError, UsageError
-from . import Ids, TextEncoder, TextModel, audit, runtime
+from . import Encoder, Ids, TextModel, audit, runtime
 from .runtime import Device, Precision, Run, Runtime
 
 Step = Callable[[pa.Table], pa.Table]
@@ -158,7 +158,7 @@ def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
         raise RsaDataError(f"captions: text: expected UTF-8, found {start!r}") from error
 
 
-def _encoder(encoder: str) -> TextEncoder:
+def _encoder(encoder: str) -> Encoder[TextModel]:
     return registry.resolve("encoder", registry.ENCODERS, encoder.partition(":")[0])
 
 

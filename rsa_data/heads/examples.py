@@ -78,6 +78,7 @@ def read_part(work: Work, source: Source, number: int, dataset: int) -> Examples
             )
         image = _find(captions["sample_id"], samples["sample_id"])
     else:
+        embeddings = embeddings.filter(pc.equal(embeddings["status"], "ok"))
         rows = np.arange(len(embeddings))
         image = _find(embeddings["sample_id"], samples["sample_id"])
     order = np.argsort(image, kind="stable")
