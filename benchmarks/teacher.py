@@ -78,6 +78,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--precision", default="float32")
     parser.add_argument("--head", default="mlp5")
+    parser.add_argument("--threads", type=int, default=2)
     given = parser.parse_args()
     e = examples(given.data)
     seen = np.isin(e["text"], e["text"][e["split"] == "train"])
@@ -93,15 +94,16 @@ def main() -> None:
                 seed=given.seed,
                 precision=given.precision,
                 head=given.head,
+                threads=given.threads,
             )
             wall, used = time.perf_counter() - begun, time.process_time() - used
             error = abs_rel(e["depth"], *ScaleHead.load(trained.path)(e["features"]), e)
-            print(f"captions {control}: {wall:.1f} s, {used:.1f} s of processor time")
+            print(f"captions {control}: {wall:.1f} s, {used:.1f} s of processor time", flush=True)
             for name in DATASETS:
                 test = (e["name"] == name) & (e["split"] == "test")
                 kinds = {"all": test, "seen": test & seen, "unseen": test & ~seen}
                 means = [f"{k} {error[m].mean():.4f} ({m.sum()})" for k, m in kinds.items()]
-                print(f"  {name}: AbsRel " + ", ".join(means))
+                print(f"  {name}: AbsRel " + ", ".join(means), flush=True)
 
 
 if __name__ == "__main__":
