@@ -24,6 +24,7 @@ COMMANDS = {
     "import-head": "rsa_data.commands.heads:import_head",
     "detect": "rsa_data.commands.tables:detect",
     "run": "rsa_data.commands.tables:run",
+    "plan": "rsa_data.commands.planning:plan",
     "retry-failed": "rsa_data.commands.tables:retry_failed",
     "status": "rsa_data.commands.look:status",
     "verify": "rsa_data.commands.look:verify",

@@ -1,11 +1,12 @@
 """What the commands do: each stage over one dataset, with what it needs made first."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from . import engines, index, registry, run, stages
+from . import plan as planning
 from .captions.write import needs_segments
 from .errors import RsaDataError
 from .parts import Work
@@ -18,16 +19,18 @@ class How:
     """How a command runs: nothing here changes what comes out.
 
     tell : called with a stage's name, its dataset and its summary as soon as it has ended.
+    plan : called with a stage's name, its dataset and an estimate, instead of running it.
     """
 
     bar: Callable[[str, int], Bar]
     tell: Callable[[str, str, Summary], None]
     split: str | None = None
     part_range: tuple[int, int] | None = None
-    engine: engines.How = engines.How()
+    engine: engines.How = field(default_factory=engines.How)
     start_over: bool = False
     redo_failed: bool = False
     max_failures: float | int | None = None
+    plan: Callable[[str, str, planning.Estimate], None] | None = None
 
 
 def samples(
@@ -84,8 +87,12 @@ def stage(
     root: Path | None = None,
     upstream: str | None = None,
 ) -> Summary:
-    """Runs one row stage over one dataset and tells its summary."""
+    """Runs one row stage over one dataset and tells its summary; or plans it, see How."""
     job = stages.job(work, name, dataset, dict(options), root=root, upstream=upstream)
+    if how.plan is not None:
+        estimate = planning.plan(job, split=how.split, part_range=how.part_range)
+        how.plan(name, dataset, estimate)
+        return Summary.nothing(estimate.output)
     summary = run.run(
         job,
         split=how.split,

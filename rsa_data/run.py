@@ -51,6 +51,11 @@ class Summary:
     reasons: list[tuple[str, int]]
     notes: list[str]
 
+    @staticmethod
+    def nothing(output: str) -> "Summary":
+        """Of a run that did not take place."""
+        return Summary(output, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [])
+
 
 _HERE = engines.How()
 
@@ -81,7 +86,7 @@ def run(
     if start_over:
         output.start_over()
     numbers = select(work, job.dataset, split, part_range)
-    _need_inputs(job, numbers)
+    need_inputs(job, numbers)
     description = stages.describe(job)
     output.bind(description)
     stages.remember(job)
@@ -123,7 +128,8 @@ def run(
     )
 
 
-def _need_inputs(job: Job, numbers: list[int]) -> None:
+def need_inputs(job: Job, numbers: list[int]) -> None:
+    """Raises RsaDataError unless the index is finished and every input has these parts."""
     if not job.table("samples").complete():
         raise RsaDataError(
             f"{job.table('samples')}: its index was stopped half-way. Finish it first: run the "

@@ -2,12 +2,13 @@
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
-from .. import console, engines, limits, units
+from .. import console, engines, limits, plan, units
 from ..parts import Work
 from ..pipeline import How
 from ..run import Summary
@@ -21,6 +22,9 @@ def part_range(ctx: click.Context, param: click.Parameter, value: str | None) ->
         raise click.BadParameter(f"expected FIRST:LAST, last excluded, as in 0:8; found {value!r}")
     return int(first), int(last)
 
+
+# Set in the context's meta while `rsa-data plan` runs another command.
+PLANNING = "rsa_data.planning"
 
 _ENGINE = ("engine", "workers", "memory", "ray_address")
 _HOW = ("split", "part_range", "start_over", "max_failures")
@@ -56,6 +60,8 @@ def running(command: Callable) -> Callable:
     def wrapped(work: str, **given: Any) -> Any:
         engine = engines.How(**{n: given.pop(n) for n in _ENGINE})
         how = How(bar=console.bar, tell=tell, engine=engine, **{n: given.pop(n) for n in _HOW})
+        if click.get_current_context().meta.get(PLANNING):
+            how = replace(how, plan=functools.partial(tell_plan, engine.workers), start_over=False)
         return command(work=Work(work), how=how, **given)
 
     for option in (
@@ -120,6 +126,13 @@ def tell(stage: str, dataset: str, summary: Summary) -> None:
         click.echo(line)
 
 
+def tell_plan(workers: int, stage: str, dataset: str, estimate: plan.Estimate) -> None:
+    for line in plan.lines(stage, dataset, estimate, workers):
+        click.echo(line)
+
+
 def say_next(work: Work, command: str) -> None:
+    if click.get_current_context().meta.get(PLANNING):
+        return
     where = "" if work.store.location == "work" else f" --work {work.store.location}"
     click.echo(f"next: rsa-data {command}{where}")
