@@ -103,6 +103,7 @@ HEADS = {
     "mlp3": "rsa_data.heads.mlp3:Mlp3",
     "transformer": "rsa_data.heads.transformer:Transformer",
     "linear": "rsa_data.heads.linear:Linear",
+    "fusion": "rsa_data.heads.fusion:Fusion",
 }
 
 # Which pip extra brings the package that an import error names.
