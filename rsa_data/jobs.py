@@ -135,6 +135,8 @@ def run(
         if "depth" in wanted:
             pipeline.stage(work, "depth", name, merged["depth"], how, root=root)
         names.append(name)
+    if how.plan is not None:
+        return
     for step, target in _WHOLE.items():
         for table in _each(job, step):
             given = {"datasets": names, **table}

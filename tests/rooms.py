@@ -13,7 +13,7 @@ def made(location: object, parts: int = 4, rows: int = 50, first: int = 0) -> Wo
     samples, segments = (work.table("rooms", name) for name in ("samples", "segments/labels"))
     about = {"stage_version": 1, "options": {"dataset": "folder"}, "files": {}}
     samples.bind({"stage": "index", "schema": "samples", "inputs": [], **about})
-    segments.bind({"stage": "detect", "schema": "segments", "inputs": ["samples"], **about})
+    segments.bind({"stage": "made", "schema": "segments", "inputs": ["samples"], **about})
     counts = {"ok": rows, "failed": 0, "skipped": 0, "split": "train"}
     for number in range(first, first + parts):
         ids = [f"rooms/train/{number:03d}/{row:05d}" for row in range(rows)]
