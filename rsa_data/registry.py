@@ -87,6 +87,7 @@ ENCODERS = {
 IMAGE_ENCODERS = {
     "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50_IMAGE",
     "hf": "rsa_data.encoders.huggingface_image:HF_IMAGE",
+    "thumbnail": "rsa_data.encoders.thumbnail:THUMBNAIL",
 }
 
 DEPTH_MODELS = {
