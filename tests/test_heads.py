@@ -14,9 +14,12 @@ from rsa_data.heads.released import import_head
 from rsa_data.parts import Work
 from rsa_data.registry import HEADS
 
+OWN = {"fusion": {"text_dim": 24}}
+
 
 def head_of(dim: int = 8, name: str = "linear", mean: float = 0.0, factor: float = 1.0):
-    description = {"format": 1, "architecture": {"name": name}, "features": {"dim": dim}}
+    architecture = {"name": name, **OWN.get(name, {})}
+    description = {"format": 1, "architecture": architecture, "features": {"dim": dim}}
     torch.manual_seed(0)
     network = build_network(description["architecture"], dim)
     full = torch.full((dim,), 1.0)

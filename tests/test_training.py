@@ -6,11 +6,12 @@ import subprocess
 import sys
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from made_tables import DEPTH, ENCODER, write
 
-from rsa_data import ScaleHead
+from rsa_data import ScaleHead, tables
 from rsa_data.errors import RsaDataError, UsageError
 from rsa_data.heads.training import train_head
 from rsa_data.parts import Work
@@ -54,9 +55,8 @@ def test_it_learns_what_the_words_tell_in_rooms_and_streets_at_once(work):
     assert errors["nyuv2"] < 0.05 and errors["kitti"] < 0.05
     head = ScaleHead.load(trained.path)
     rows = work.table("nyuv2", "embeddings/occupancy/minilm").read(0)
-    from rsa_data.tables import embedding_array
 
-    scale, shift = head(embedding_array(rows))
+    scale, shift = head(tables.embedding_array(rows))
     assert scale.shape == shift.shape == (len(rows),) and scale.dtype == np.float32
     history = pq.read_table(work.store.folder / "heads/head/history.parquet").to_pylist()
     assert [row["epoch"] for row in history if row["dataset"] == "kitti"] == list(range(1, 61))
@@ -204,3 +204,54 @@ def test_missing_tables_say_what_to_run(work):
         train_head(work, datasets=("nyu",))
     with pytest.raises(UsageError, match="unknown head 'mlp'"):
         train_head(work, head="mlp")
+
+
+def image_features(work: Work, dataset: str, vectors: np.ndarray, missing: int) -> None:
+    """embeddings/images/eye of a dataset that `toy` wrote; one image could not be read."""
+    table = work.table(dataset, "embeddings/images/eye")
+    table.bind(
+        {"stage": "embed-images", "stage_version": 1, "schema": "image_embeddings", "files": {}}
+        | {"options": {"encoder": "eye"}, "inputs": ["samples"]}
+    )
+    for number in work.table(dataset, "samples").parts():
+        samples = work.table(dataset, "samples")
+        ids = samples.read(number)["sample_id"].to_pylist()
+        rows = [int(i.rpartition("/")[2]) for i in ids]
+        field, array = tables.embedding_column(vectors[rows].astype(np.float32))
+        there = [row != missing for row in rows]
+        array = pa.array([v if t else None for v, t in zip(array.to_pylist(), there, strict=True)])
+        columns = {
+            "sample_id": ids,
+            "status": ["ok" if t else "failed" for t in there],
+            "error": [None if t else "unreadable" for t in there],
+            "embedding": (field.with_nullable(True), array.cast(field.type)),
+        }
+        receipt = {"ok": 1, "failed": 0, "skipped": 0, "split": "train"}
+        receipt["inputs"] = {"samples": samples.receipt(number)["digest"]}
+        table.commit(number, tables.from_columns("image_embeddings", columns), receipt)
+
+
+@pytest.mark.parametrize("head", ["fusion", "mlp3"])
+def test_image_features_stand_beside_those_of_the_text(work, head):
+    toy(work, "nyuv2")
+    image_features(work, "nyuv2", np.random.default_rng(0).normal(size=(120, 5)) * 30, missing=7)
+    made = train_head(work, head=head, encoder="minilm+eye", **FAST).description
+    assert made["features"]["encoder"] == "minilm+eye" and made["features"]["dim"] == 21
+    assert made["features"]["images"]["encoder"] == "eye"
+    assert made["datasets"]["nyuv2"]["left_out"] == 1
+    assert "embeddings/images/eye" in made["datasets"]["nyuv2"]["tables"]
+    loaded = ScaleHead.load(work.store.folder / "heads/head")
+    # Each table has its own spread, so that the louder one does not drown the other.
+    np.testing.assert_allclose(loaded.factor[16:].numpy(), 1 / 30, rtol=0.2)
+    np.testing.assert_allclose(loaded.factor[:16].numpy(), 1, rtol=0.3)
+
+
+def test_a_head_trains_on_image_features_alone(work):
+    toy(work, "nyuv2")
+    image_features(work, "nyuv2", np.random.default_rng(0).normal(size=(120, 5)), missing=7)
+    made = train_head(work, head="linear", style="images", **FAST).description
+    assert made["features"]["encoder"] == "eye" and made["features"]["dim"] == 5
+    with pytest.raises(UsageError, match=r"--head fusion: expected features of text and of images"):
+        train_head(work, head="fusion", style="images", name="x", **FAST)
+    with pytest.raises(UsageError, match="several embeddings tables; say which"):
+        train_head(work, name="x", **FAST)

@@ -40,14 +40,20 @@ def by_head(
     captions: str | None,
     variant: int = 0,
     see: Callable[..., np.ndarray] | None = None,
+    images: str = "",
 ) -> Method:
     """The scale and shift that a head gives for each image's feature.
+
+    images : a second table, of image features that stand behind the others, or nothing.
 
     see : (features, which images have one, part=number) -> the features that a control head sees.
     """
 
     def method(part: TestPart) -> Callable[[Image], Prediction]:
         features, there = part.features(embeddings, captions, variant)
+        if images:
+            seen, also = part.features(images, None)
+            features, there = np.concatenate([features, seen], 1), there & also
         if see is not None:
             features = see(features, there, part=part.number)
         scales, shifts = np.zeros(len(there)), np.zeros(len(there))
@@ -119,4 +125,4 @@ def head_method(head: "ScaleHead", source: "Source") -> Method:
         dataset=source.dataset,
         datasets=list(head.description.get("datasets", {})),
     )
-    return by_head(head, source.embeddings, source.captions or None, see=see)
+    return by_head(head, source.embeddings, source.captions or None, see=see, images=source.images)

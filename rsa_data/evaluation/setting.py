@@ -48,12 +48,14 @@ def tables_of(work: Work, about: Mapping[str, Any], names: Sequence[str]) -> "di
     features, model = about["features"], about["depth_model"]
     sources = belong.sources(work, names, features["style"], features["encoder"], model["model"])
     for source in sources:
-        embeddings = work.table(source.dataset, source.embeddings)
         depth = work.table(source.dataset, source.depth)
-        trained = {k: v for k, v in features.items() if k != "dim"}
+        trained = {k: v for k, v in features.items() if k not in ("dim", "widths")}
         belong.same(
             "head and embeddings",
-            {"the head": trained, str(embeddings): belong.features_identity(embeddings)},
+            {
+                "the head": trained,
+                f"{source.dataset}/{source.embeddings}": belong.features_of(work, source),
+            },
         )
         found, geometry = belong.depth_identity(depth)
         wanted = {k: v for k, v in model.items() if k != "geometry"}

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import tables
 from ..errors import RsaDataError, UsageError
 from ..parts import Parts, Work, fingerprint
 from ..registry import unknown
@@ -30,6 +31,20 @@ def features_identity(table: Parts) -> dict[str, Any]:
         "files": description["files"],
         "stage_version": description["stage_version"],
     }
+
+
+def features_of(work: Work, source: Source) -> dict[str, Any]:
+    """What the features of a source are: of its table, or of both its tables one after another."""
+    identity = features_identity(work.table(source.dataset, source.embeddings))
+    if not source.images:
+        return identity
+    images = features_identity(work.table(source.dataset, source.images))
+    return identity | {"encoder": f"{identity['encoder']}+{images['encoder']}", "images": images}
+
+
+def width(table: Parts, number: int) -> int:
+    """Length of a feature of an embeddings table."""
+    return tables.embedding_array(table.read(number, ["embedding"]).slice(0, 1)).shape[1]
 
 
 def depth_identity(table: Parts) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -72,6 +87,8 @@ def sources(
 ) -> list[Source]:
     """The tables to learn from, one entry a dataset; what is not named must be the only one there.
 
+    encoder : of texts; of images, with the style images; or both as TEXT+IMAGE.
+
     Raises UsageError when a choice is open, RsaDataError when a table is missing.
     """
     there = work.datasets()
@@ -84,13 +101,14 @@ def sources(
             "`rsa-data captions --dataset NAME`, or name another --work"
         )
     found = []
+    encoder, _, beside = (encoder or "").partition("+")
     for name in datasets or there:
         names = work.tables(name)
         features = [t.split("/") for t in names if t.startswith("embeddings/")]
         _, style_, encoder_ = _only(
             name,
             "embeddings",
-            [t for t in features if style in (None, t[1]) and encoder in (None, t[2])],
+            [t for t in features if _matches(t, style, encoder, beside)],
             "--style and --encoder",
             "rsa-data embed",
         )
@@ -104,8 +122,21 @@ def sources(
             "--depth-model",
             f"rsa-data depth --dataset {name}",
         )
-        found.append(Source(name, captions, f"embeddings/{style_}/{encoder_}", f"depth/{depth_}"))
+        images = f"embeddings/images/{beside}" if beside else ""
+        if images and images not in names:
+            raise RsaDataError(
+                f"{name}: no such table {images}. Make it first: rsa-data embed-images"
+            )
+        embeddings = f"embeddings/{style_}/{encoder_}"
+        found.append(Source(name, captions, embeddings, f"depth/{depth_}", images))
     return found
+
+
+def _matches(table: list[str], style: str | None, encoder: str, beside: str) -> bool:
+    _, own_style, own_encoder = table
+    if beside and own_style == "images":
+        return False
+    return style in (None, own_style) and encoder in ("", own_encoder)
 
 
 def _only(dataset: str, kind: str, found: list[list[str]], by: str, make: str) -> list[str]:
@@ -123,7 +154,7 @@ def current(work: Work, source: Source, number: int) -> dict[str, str]:
     Raises RsaDataError when a table has no such part yet, or made it from another part than the
     one that lies there now.
     """
-    names = ["samples", source.captions, source.embeddings, source.depth]
+    names = ["samples", source.captions, source.embeddings, source.images, source.depth]
     receipts = {name: work.table(source.dataset, name).receipt(number) for name in names if name}
     for name, receipt in receipts.items():
         for input_name, digest in receipt.get("inputs", {}).items():

@@ -17,12 +17,14 @@ class Source:
     """The tables of one dataset that a head learns from.
 
     captions is empty when the features belong to images: they are then keyed by sample_id.
+    images names a second table, of image features that stand behind those of the text, or nothing.
     """
 
     dataset: str
     captions: str
     embeddings: str
     depth: str
+    images: str = ""
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,25 @@ def read_part(work: Work, source: Source, number: int, dataset: int) -> Examples
             "maps: this is a test split, which no training may read"
         )
     measured = _find(samples["sample_id"], depth["sample_id"])
-    good = np.flatnonzero((measured >= 0) & (counts > 0))
+    usable = (measured >= 0) & (counts > 0)
+    seen = None
+    if source.images:
+        table = work.table(source.dataset, source.images).read(number)
+        table = table.filter(pc.equal(table["status"], "ok"))
+        beside = _find(samples["sample_id"], table["sample_id"])
+        usable &= beside >= 0
+        seen = tables.embedding_array(table)
+    good = np.flatnonzero(usable)
     starts = np.concatenate([[0], np.cumsum(counts)])
+    features = tables.embedding_array(embeddings)
+    texts = rows[order][ranges(starts[good], counts[good])]
+    if seen is not None:
+        image_rows = np.repeat(beside[good], counts[good])
+        features = np.concatenate([features[texts], seen[image_rows]], 1)
+        texts = np.arange(len(texts))
     return Examples(
-        features=tables.embedding_array(embeddings),
-        texts=rows[order][ranges(starts[good], counts[good])],
+        features=features,
+        texts=texts,
         first=np.concatenate([[0], np.cumsum(counts[good])]),
         relative=_pixels(depth["relative"])[measured[good]],
         metric=_pixels(depth["metric"])[measured[good]],

@@ -34,6 +34,7 @@ class Plan:
 
     numbers, limits, geometry, digests : by dataset: training parts; (min, max) depth, m; the depth
         model's input geometry; digest of the training parts of each table.
+    widths : how many features each table of features gives.
     """
 
     name: str
@@ -41,6 +42,8 @@ class Plan:
     numbers: dict[str, list[int]]
     limits: dict[str, tuple[float, float]]
     features: dict[str, Any]
+    widths: list[int]
+    architecture: dict[str, Any]
     depth_model: dict[str, Any]
     geometry: dict[str, dict[str, Any]]
     digests: dict[str, dict[str, str]]
@@ -131,7 +134,7 @@ def _first_network(plan: Plan, examples: Windows) -> torch.nn.Module:
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(plan.options["seed"])
-        network = build_network({"name": plan.options["head"]}, examples.dim)
+        network = build_network(plan.architecture, examples.dim)
     with torch.no_grad():
         outputs = ("scale_net", "shift_net")
         for output, value in zip(outputs, examples.typical, strict=True):
@@ -155,7 +158,7 @@ def describe(
     best = state.history[state.best_epoch - 1]
     return {
         "format": FORMAT,
-        "architecture": {"name": plan.options["head"]},
+        "architecture": plan.architecture,
         "parameters": sum(p.numel() for p in network.parameters()),
         "features": {**plan.features, "dim": examples.dim},
         "standardized": plan.options["standardize"],

@@ -83,7 +83,8 @@ def train_head(
     ----------
     datasets : datasets to train on, by default all in the work dir.
     style : caption style, needed when there are several.
-    encoder : text encoder, needed when there are several.
+    encoder : encoder, needed when there are several; TEXT+IMAGE puts the features of an image
+        encoder behind those of the text.
     depth_model : relative-depth model, needed when there are several.
     head : architecture; see `rsa-data list heads`.
     control : train a control instead: each image with the captions of another image of its dataset
@@ -126,9 +127,8 @@ def train_head(
         raise registry.unknown("head", head, registry.HEADS)
 
     sources = belong.sources(work, datasets, style, encoder, depth_model)
-    found = {s.dataset: work.table(s.dataset, s.embeddings) for s in sources}
     features = belong.same(
-        "embeddings", {str(t): belong.features_identity(t) for t in found.values()}
+        "embeddings", {f"{s.dataset}/{s.embeddings}": belong.features_of(work, s) for s in sources}
     )
     depths = {s.dataset: belong.depth_identity(work.table(s.dataset, s.depth)) for s in sources}
     model = belong.same("depth", {f"{n}/depth": pair[0] for n, pair in depths.items()})
@@ -151,11 +151,33 @@ def train_head(
         parts = [belong.current(work, source, n) for n in chosen]
         digests[source.dataset] = belong.together(parts)
 
+    first = sources[0]
+    made_of = [first.embeddings, *([first.images] if first.images else [])]
+    part = numbers[first.dataset][0]
+    widths = [belong.width(work.table(first.dataset, table), part) for table in made_of]
+    architecture: dict[str, Any] = {"name": head}
+    if head == "fusion":
+        if len(widths) != 2 or control == "dataset":
+            raise UsageError(
+                "--head fusion: expected features of text and of images: --encoder TEXT+IMAGE"
+            )
+        architecture["text_dim"] = widths[0]
+    if control == "dataset":
+        widths = [len(sources)]
+
     from .run import Plan, run
 
-    return run(
-        work,
-        Plan(name, sources, numbers, limits, features, model, geometry, digests, options),
-        bar,
-        start_over,
+    plan = Plan(
+        name,
+        sources,
+        numbers,
+        limits,
+        features,
+        widths,
+        architecture,
+        model,
+        geometry,
+        digests,
+        options,
     )
+    return run(work, plan, bar, start_over)

@@ -1,6 +1,6 @@
 """Training and validation examples of a run: whole in memory, or window by window."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,7 +97,7 @@ class Windows:
         depth_sum, fits = np.zeros(count), [[] for _ in range(count)]  # type: ignore[var-annotated]
         validation: list[Examples] = []
         kept: list[Examples] = []
-        moments = Moments()
+        moments = Moments(self.plan.widths)
         seen: list[np.ndarray] = []
         for i, n in self.held:
             train, held = self._split(i, n)
@@ -137,9 +137,13 @@ class Windows:
 
 
 class Moments:
-    """Mean of each feature, and one spread for all, over batches of features."""
+    """Mean of each feature, and one spread for all of a table, over batches of features.
 
-    def __init__(self) -> None:
+    widths : how many features come from each table; they stand side by side.
+    """
+
+    def __init__(self, widths: Sequence[int]) -> None:
+        self.widths = widths
         self.count, self.sum, self.squares = 0, np.zeros(1), np.zeros(1)
 
     def add(self, features: np.ndarray) -> None:
@@ -151,14 +155,15 @@ class Moments:
             self.squares = self.squares + np.square(rows).sum(0)
 
     def standard(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """mean (dim,), and 1 / spread repeated to (dim,).
+        """mean (dim,), and 1 / spread of each table, repeated to (dim,).
 
-        One factor for all keeps the angles between features, where one for each would blow up
-        those that hardly vary in a small training set.
+        One factor for all of a table keeps the angles between features, where one for each would
+        blow up those that hardly vary in a small training set.
         """
         mean = self.sum / self.count
-        spread = max(float(np.mean(self.squares / self.count - mean**2)), 1e-12) ** 0.5
-        return torch.from_numpy(mean).float(), torch.full(mean.shape, 1 / spread).float()
+        variance = np.split(self.squares / self.count - mean**2, np.cumsum(self.widths)[:-1])
+        spread = [np.full(len(v), max(float(v.mean()), 1e-12) ** 0.5) for v in variance]
+        return torch.from_numpy(mean).float(), torch.from_numpy(1 / np.concatenate(spread)).float()
 
 
 def _typical(fits: list[np.ndarray]) -> tuple[float, float]:
