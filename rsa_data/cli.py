@@ -30,6 +30,7 @@ COMMANDS = {
     "verify": "rsa_data.commands.look:verify",
     "show": "rsa_data.commands.look:show",
     "report": "rsa_data.commands.report:report",
+    "export": "rsa_data.commands.export:export",
     "list": "rsa_data.commands.look:list_names",
     "demo": "rsa_data.commands.demo:demo",
 }
