@@ -184,19 +184,21 @@ def test_one_description_a_scene(work):  # noqa: F811
 
 
 def test_plans_of_a_comparison():
-    found = plans(["a", "b"], ("image=image/clip", "both=image/clip/fusion"))
-    both = ("a", "b")
+    both, text = ("a", "b"), {"style": "occupancy", "encoder": "minilm"}
+    fused = {"style": "occupancy", "encoder": "minilm+clip", "head": "fusion"}
+    found = plans(["a", "b"], "occupancy", "minilm", ["clip"], ("few=counts/minilm/mlp3",))
     assert found == [
-        ("text", both, {}),
-        ("image", both, {"style": "image", "encoder": "clip"}),
-        ("both", both, {"style": "image", "encoder": "clip", "head": "fusion"}),
-        ("captions shuffled", both, {"control": "shuffled"}),
-        ("dataset name only", both, {"control": "dataset"}),
-        ("text, a alone", ("a",), {}),
-        ("text, b alone", ("b",), {}),
+        ("text", both, text),
+        ("image (clip)", both, {"style": "images", "encoder": "clip"}),
+        ("text and image (clip)", both, fused),
+        ("few", both, {"style": "counts", "encoder": "minilm", "head": "mlp3"}),
+        ("captions shuffled", both, text | {"control": "shuffled"}),
+        ("dataset name only", both, text | {"control": "dataset"}),
+        ("text, a alone", ("a",), text),
+        ("text, b alone", ("b",), text),
     ]
     with pytest.raises(UsageError, match="LABEL=STYLE/ENCODER"):
-        plans(["a"], ("image",))
+        plans(["a"], "occupancy", "minilm", [], ("image",))
 
 
 ROWS = [

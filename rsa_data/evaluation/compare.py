@@ -12,7 +12,7 @@ from .. import registry, tables
 from ..parts import Work
 from . import breakdown, formats, plots
 from .constants import fit_constants
-from .contenders import Entry, methods_of, plans, train
+from .contenders import Entry, inputs_of, methods_of, plans, train
 from .evaluate import Evaluation
 from .methods import by_constant, oracle_methods
 from .metrics import METRICS
@@ -43,7 +43,8 @@ def compare(
 ) -> Evaluation:
     """Trains heads on each kind of input and measures them all on the same images.
 
-    Text, further inputs asked for, the dataset's name only, captions shuffled within the dataset,
+    Text, images by each encoder that embedded them (`rsa-data embed-images`), both together,
+    further inputs asked for, the dataset's name only, captions shuffled within the dataset,
     constants and oracles; text trained on each dataset alone, which gives the zero-shot rows; one
     description for a whole scene; the hard images by themselves; the spread over caption variants
     as an error bar. Heads that are trained already are taken as they are.
@@ -56,7 +57,7 @@ def compare(
     encoder : text encoder, needed when there are several.
     depth_model : relative-depth model, needed when there are several.
     inputs : further inputs as LABEL=STYLE/ENCODER or LABEL=STYLE/ENCODER/HEAD, of embeddings
-        tables that every dataset has, such as image=image/clip-rn50.
+        tables that every dataset has, such as counts=counts/clip-rn50.
     protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
     split : what to measure on.
     seeds : heads trained for each input; their errors are averaged, their spread is told.
@@ -70,12 +71,13 @@ def compare(
     if protocol not in PROTOCOLS:
         raise registry.unknown("protocol", protocol, PROTOCOLS)
     names = with_split(work, datasets, split)
-    common: dict[str, Any] = {"style": style, "encoder": encoder, "depth_model": depth_model}
-    common |= {"epochs": epochs, "threads": threads, "split_scene": split_scene}
+    kinds = plans(names, *inputs_of(work, names, style, encoder), inputs)
+    common: dict[str, Any] = {"depth_model": depth_model, "split_scene": split_scene}
+    common |= {"epochs": epochs, "threads": threads}
     entries = [
         train(work, bar, name, label, seed, chosen, {**common, **options}, names)
         for seed in range(seeds)
-        for label, chosen, options in plans(names, inputs)
+        for label, chosen, options in kinds
     ]
     text = entries[0]
     ranges = {d: rules_of(work, d, protocol) for d in names}

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError
+from ..errors import RsaDataError, UsageError
 from ..parts import Work
 from .inputs import TestPart
 from .methods import Method, by_head, head_method
@@ -15,6 +15,10 @@ from .setting import tables_of
 if TYPE_CHECKING:
     from ..heads.checkpoint import ScaleHead
     from ..heads.examples import Source
+
+
+# Where embeddings of images stand, in the place of a caption style.
+IMAGES = "images"
 
 
 @dataclass(frozen=True)
@@ -28,15 +32,45 @@ class Entry:
     sources: Mapping[str, "Source"]
 
 
+def inputs_of(
+    work: Work, names: Sequence[str], style: str | None, encoder: str | None
+) -> tuple[str, str, list[str]]:
+    """The captions' style, the text encoder and the image encoders that every dataset has.
+
+    Raises UsageError where what is not named is not the only one, RsaDataError where there is none.
+    """
+    shared = set.intersection(*(set(work.tables(name)) for name in names))
+    found = sorted(name.split("/")[1:] for name in shared if name.startswith("embeddings/"))
+    texts = [
+        (own_style, own_encoder)
+        for own_style, own_encoder in found
+        if own_style != IMAGES and style in (None, own_style) and encoder in (None, own_encoder)
+    ]
+    if len(texts) > 1:
+        there = ", ".join("/".join(text) for text in texts)
+        raise UsageError(f"several embeddings of text: say which by --style and --encoder: {there}")
+    if not texts:
+        raise RsaDataError(
+            f"{', '.join(names)}: expected embeddings of captions by one encoder in all of them; "
+            "found none. Make them first: rsa-data embed"
+        )
+    return *texts[0], [own_encoder for own_style, own_encoder in found if own_style == IMAGES]
+
+
 def plans(
-    names: Sequence[str], inputs: Sequence[str]
+    names: Sequence[str], style: str, encoder: str, images: Sequence[str], inputs: Sequence[str]
 ) -> list[tuple[str, tuple[str, ...], dict[str, Any]]]:
     """(label, datasets to train on, options of train_head) of each head; text comes first.
 
+    style, encoder, images : from `inputs_of`. inputs : what else was asked for.
     Raises UsageError for an input of another form.
     """
-    joint = tuple(names)
-    planned: list[tuple[str, tuple[str, ...], dict[str, Any]]] = [("text", joint, {})]
+    joint, text = tuple(names), {"style": style, "encoder": encoder}
+    planned: list[tuple[str, tuple[str, ...], dict[str, Any]]] = [("text", joint, text)]
+    for image in images:
+        both = {"style": style, "encoder": f"{encoder}+{image}", "head": "fusion"}
+        planned.append((f"image ({image})", joint, {"style": IMAGES, "encoder": image}))
+        planned.append((f"text and image ({image})", joint, both))
     for given in inputs:
         match = re.fullmatch(r"([^=]+)=([^/]+)/([^/]+)(?:/([^/]+))?", given)
         if match is None:
@@ -44,13 +78,13 @@ def plans(
                 "--inputs: expected LABEL=STYLE/ENCODER or LABEL=STYLE/ENCODER/HEAD, "
                 f"found {given!r}"
             )
-        label, style, encoder, head = match.groups()
-        options = {"style": style, "encoder": encoder} | ({"head": head} if head else {})
+        label, own_style, own_encoder, head = match.groups()
+        options = {"style": own_style, "encoder": own_encoder} | ({"head": head} if head else {})
         planned.append((label, joint, options))
-    planned.append(("captions shuffled", joint, {"control": "shuffled"}))
+    planned.append(("captions shuffled", joint, {**text, "control": "shuffled"}))
     if len(names) > 1:
-        planned.append(("dataset name only", joint, {"control": "dataset"}))
-        planned += [(f"text, {d} alone", (d,), {}) for d in names]
+        planned.append(("dataset name only", joint, {**text, "control": "dataset"}))
+        planned += [(f"text, {d} alone", (d,), text) for d in names]
     return planned
 
 
