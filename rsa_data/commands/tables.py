@@ -12,25 +12,39 @@ from ..encoders.embed import build as embed_build
 from ..encoders.embed_images import build as embed_images_build
 from ..options import click_options
 from ..parts import Work
+from ..pictures import save
 from ..pipeline import How
 from ..segmenters.detect import build as detect_build
+from ..segmenters.preview import preview as draw_preview
 from .shared import key_values, one_dataset, running, say_next
 
 
 @click.command()
 @running
 @one_dataset
+@click.option("--preview", metavar="N", type=int, help="Draw N images with what was found.")
 @click_options(detect_build, hidden=stages.GIVEN)
 def detect(
-    work: Work, how: How, dataset: str, root: Path | None, given: dict, **options: Any
+    work: Work,
+    how: How,
+    dataset: str,
+    root: Path | None,
+    given: dict,
+    preview: int | None,
+    **options: Any,
 ) -> None:
     """Find what each image shows: a model's boxes or panoptic segments, or an import.
 
     \b
-      rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx
+      rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx --preview 12
     """
     name = pipeline.samples(work, dataset, given, root=root, source=options["source"])
     pipeline.stage(work, "detect", name, options, how, root=root)
+    if preview and how.plan is None:
+        segments = stages.name_of(options["source"])
+        sheet = Path(f"preview-{name}-{segments}.png")
+        save(draw_preview(work, name, f"segments/{segments}", preview, root), sheet)
+        click.echo(f"preview: {sheet}")
     say_next(work, f"captions --dataset {name}")
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -68,3 +69,23 @@ def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) ->
         ],
     }
     return tables.from_columns("segments", rows)
+
+
+def from_row(row: dict[str, Any]) -> Segments | RowError:
+    """The segments of one row of a segments table, or the error that quarantined it."""
+    if row["status"] != "ok":
+        return RowError(row["error"])
+    count = len(row["label"])
+    feature = row.get("feature")
+    return Segments(
+        label=row["label"],
+        area=np.array(row["area"], np.float64),
+        score=np.array(row["score"], np.float32),
+        is_thing=np.array(row["is_thing"], bool),
+        box=None if row["box"] is None else np.array(row["box"], np.float32).reshape(count, 4),
+        width=row["width"],
+        height=row["height"],
+        center=None if row["center"] is None else np.array(row["center"], np.float32),
+        mask=row["mask"],
+        feature=feature and np.array([np.frombuffer(f, "<f4") for f in feature]),
+    )

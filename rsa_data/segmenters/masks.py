@@ -1,5 +1,6 @@
 """Pixel masks -> exact shares, boxes and centres, all counted at the image's own size."""
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -100,3 +101,19 @@ def _box_taps(
     where = np.clip(where, 0, size + 1)
     first = where.astype(np.int64)
     return first, np.minimum(first + 1, size + 1), (where - first).astype(np.float32)
+
+
+def decode(counts: Sequence[str], height: int, width: int) -> list[np.ndarray]:
+    """The bool masks (height, width) of COCO's compressed RLE counts.
+
+    Raises RsaDataError with the pip line when pycocotools is not installed.
+    """
+    with extras("masks"):
+        from pycocotools import mask as coco_mask
+    with warnings.catch_warnings():
+        # pycocotools' arrays do not know numpy 2's copy argument yet.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return [
+            coco_mask.decode({"size": [height, width], "counts": text}).astype(bool)
+            for text in counts
+        ]
