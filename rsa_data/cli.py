@@ -15,6 +15,7 @@ COMMANDS = {
     "captions": "rsa_data.commands.tables:captions",
     "embed": "rsa_data.commands.tables:embed",
     "embed-images": "rsa_data.commands.tables:embed_images",
+    "embed-proposals": "rsa_data.commands.tables:embed_proposals",
     "depth": "rsa_data.commands.tables:depth",
     "train-head": "rsa_data.commands.heads:train_head",
     "evaluate": "rsa_data.commands.heads:evaluate",

@@ -27,7 +27,7 @@ from .errors import UsageError
 from .parts import Work
 from .pipeline import How
 
-_ROW_STAGES = ("detect", "captions", "embed", "embed-images", "depth")
+_ROW_STAGES = ("detect", "captions", "embed", "embed-images", "embed-proposals", "depth")
 _WHOLE = {
     "train-head": "rsa_data.heads.training:train_head",
     "evaluate": "rsa_data.evaluation.evaluate:evaluate",
@@ -132,6 +132,8 @@ def run(
             pipeline.embed(work, name, merged["embed"], how, style=style)
         if "embed-images" in wanted:
             pipeline.stage(work, "embed-images", name, merged["embed-images"], how, root=root)
+        if "embed-proposals" in wanted:
+            pipeline.proposals(work, name, merged["embed-proposals"], how)
         if "depth" in wanted:
             pipeline.stage(work, "depth", name, merged["depth"], how, root=root)
         names.append(name)

@@ -158,6 +158,14 @@ def embed(
     return stage(work, "embed", dataset, options, how, upstream=upstream)
 
 
+def proposals(
+    work: Work, dataset: str, options: Mapping[str, Any], how: How, *, source: str | None = None
+) -> Summary:
+    """Detector features of a dataset's segments: of the source asked for, or the only one."""
+    upstream = stages.choose(work, dataset, "segments", source, "--source")
+    return stage(work, "embed-proposals", dataset, options, how, upstream=upstream)
+
+
 def known_datasets(work: Work, wanted: tuple[str, ...]) -> list[str]:
     """The datasets asked for, or every dataset in the work dir; RsaDataError when there is none."""
     there = work.datasets()

@@ -105,6 +105,7 @@ HEADS = {
     "transformer": "rsa_data.heads.transformer:Transformer",
     "linear": "rsa_data.heads.linear:Linear",
     "fusion": "rsa_data.heads.fusion:Fusion",
+    "proposals": "rsa_data.heads.proposals:Proposals",
 }
 
 # Which pip extra brings the package that an import error names.
@@ -152,11 +153,15 @@ class extras:
 
 
 def described(table: dict[str, str]) -> list[tuple[str, str]]:
-    """(name, first line of the documentation) of every entry of a table."""
+    """(name, what its model card says or the first line of its documentation) of every entry."""
     return [(name, _first_line(name, table)) for name in sorted(table)]
 
 
 def _first_line(name: str, table: dict[str, str]) -> str:
+    from .models import about
+
+    if told := about(name):
+        return told
     try:
         found = resolve("entry", table, name)
     except RsaDataError as error:

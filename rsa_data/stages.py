@@ -77,6 +77,9 @@ STAGES = {
         "encoder",
         ("weights",),
     ),
+    "embed-proposals": Stage(
+        1, "rsa_data.encoders.proposals", "image_embeddings", "sample_id", "order"
+    ),
     "depth": Stage(1, "rsa_data.depth.measure", "depth", "sample_id", "depth_model", ("weights",)),
 }
 
@@ -159,6 +162,9 @@ def job(
         inputs = (upstream,)
     elif stage == "embed-images":
         output = f"embeddings/images/{name}"
+    elif stage == "embed-proposals":
+        assert upstream is not None
+        output = f"embeddings/proposals/{upstream.removeprefix('segments/')}"
     root = index.find_root(work, dataset, root)
     return Job(
         work.store.location, dataset, stage, bound, inputs, output, str(root) if root else None

@@ -14,7 +14,7 @@ from rsa_data.heads.released import import_head
 from rsa_data.parts import Work
 from rsa_data.registry import HEADS
 
-OWN = {"fusion": {"text_dim": 24}}
+OWN = {"fusion": {"text_dim": 24}, "proposals": {"feature_dim": 7}}
 
 
 def head_of(dim: int = 8, name: str = "linear", mean: float = 0.0, factor: float = 1.0):

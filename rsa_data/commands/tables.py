@@ -10,6 +10,7 @@ from ..captions.write import build as captions_build
 from ..depth.measure import build as depth_build
 from ..encoders.embed import build as embed_build
 from ..encoders.embed_images import build as embed_images_build
+from ..encoders.proposals import build as proposals_build
 from ..options import click_options
 from ..parts import Work
 from ..pictures import save
@@ -88,6 +89,25 @@ def embed(work: Work, how: How, wanted: tuple[str, ...], style: str | None, **op
     for name in pipeline.known_datasets(work, wanted):
         pipeline.embed(work, name, options, how, style=style)
     say_next(work, "depth --dataset NAME --depth-model MODEL, then: rsa-data train-head")
+
+
+@click.command("embed-proposals")
+@running
+@click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
+@click.option("--source", help="Which segments, when there are several.")
+@click_options(proposals_build)
+def embed_proposals(
+    work: Work, how: How, wanted: tuple[str, ...], source: str | None, **options: Any
+) -> None:
+    """Lay the detector's features of each image's objects side by side, for the head `proposals`.
+
+    \b
+      rsa-data detect --dataset nyuv2 --features OUTPUT
+      rsa-data embed-proposals
+    """
+    for name in pipeline.known_datasets(work, wanted):
+        pipeline.proposals(work, name, options, how, source=source)
+    say_next(work, "train-head --style proposals --head proposals")
 
 
 @click.command("embed-images")

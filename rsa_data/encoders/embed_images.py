@@ -75,7 +75,7 @@ def build(
                     "no image is listed" if image is None else error
                     for image, error in zip(images, errors, strict=True)
                 ],
-                "embedding": _column(features.astype(store), ok),
+                "embedding": embedding_column_with_nulls(features.astype(store), ok),
             },
         )
 
@@ -117,7 +117,7 @@ def _batches(
         yield np.array(rows), {"pixels": np.stack(pixels)}
 
 
-def _column(features: np.ndarray, ok: np.ndarray) -> tuple[pa.Field, pa.Array]:
+def embedding_column_with_nulls(features: np.ndarray, ok: np.ndarray) -> tuple[pa.Field, pa.Array]:
     """An embedding column that is null where a row is not ok."""
     field, array = tables.embedding_column(features)
     valid: Any = pa.py_buffer(np.packbits(ok, bitorder="little").tobytes())

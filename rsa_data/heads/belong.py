@@ -113,7 +113,7 @@ def sources(
             "rsa-data embed",
         )
         # Image features stand beside the styles of text, and have no captions.
-        captions = "" if style_ == "images" else f"captions/{style_}"
+        captions = "" if style_ in ("images", "proposals") else f"captions/{style_}"
         depths = [t.split("/") for t in names if t.startswith("depth/")]
         _, depth_ = _only(
             name,
@@ -134,7 +134,7 @@ def sources(
 
 def _matches(table: list[str], style: str | None, encoder: str, beside: str) -> bool:
     _, own_style, own_encoder = table
-    if beside and own_style == "images":
+    if beside and own_style in ("images", "proposals"):
         return False
     return style in (None, own_style) and encoder in ("", own_encoder)
 

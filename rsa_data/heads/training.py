@@ -162,6 +162,11 @@ def train_head(
                 "--head fusion: expected features of text and of images: --encoder TEXT+IMAGE"
             )
         architecture["text_dim"] = widths[0]
+    if head == "proposals":
+        if not first.embeddings.startswith("embeddings/proposals/"):
+            raise UsageError("--head proposals: expected --style proposals, by embed-proposals")
+        architecture["feature_dim"] = widths[0] // features["options"]["most"] - 1
+        options["standardize"] = False
     if control == "dataset":
         widths = [len(sources)]
 
