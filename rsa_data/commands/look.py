@@ -1,6 +1,7 @@
-"""Commands that only look: status, verify, list."""
+"""Commands that only look: status, verify, show, list."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import click
 
@@ -9,6 +10,7 @@ from .. import status as state
 from .. import verify as checks
 from ..errors import RsaDataError
 from ..parts import Work
+from ..segmenters import classes
 from .shared import work_option
 
 
@@ -46,6 +48,28 @@ def verify(work: str, recompute: int) -> None:
         raise RsaDataError(f"{problems} problems found; delete a bad part's receipt to make it new")
 
 
+@click.command()
+@work_option
+@click.argument("sample_id")
+@click.option(
+    "--head", help="Head that predicts; one that was trained on the dataset if not given."
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("sample.png"), show_default=True
+)
+def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
+    """Draw one sample: its segments, captions, depth, and what a head makes of it.
+
+    \b
+      rsa-data show nyuv2/test/bathroom/rgb_00045 --out bathroom.png
+    """
+    from ..pictures import sample
+
+    for line in sample.draw(Work(work), sample_id, head, out):
+        click.echo(line)
+    click.echo(f"picture: {out}")
+
+
 @click.command("list")
 @click.argument("what", required=False)
 def list_names(what: str | None) -> None:
@@ -80,6 +104,7 @@ def _dataset_options(name: str) -> list[str]:
 _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "datasets": lambda: registry.described(registry.DATASETS),
     "segmenters": lambda: registry.described(registry.SEGMENTERS),
+    "class-tables": classes.described,
     "styles": lambda: registry.described(registry.STYLES),
     "tokenizers": lambda: registry.described(registry.TOKENIZERS),
     "encoders": lambda: registry.described(registry.ENCODERS),

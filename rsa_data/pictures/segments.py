@@ -76,7 +76,10 @@ def segment_grid(pictures: Sequence[tuple[np.ndarray, str]], *, columns: int = 3
 
     cell, gap = 480, 16
     shown = [resized(p, cell, round(cell * p.shape[0] / p.shape[1])) for p, _ in pictures]
-    texts = [wrap(text, 14, cell, 5) for _, text in pictures]
+    texts = [
+        [line for part in text.split("\n") for line in wrap(part, 14, cell, 5)]
+        for _, text in pictures
+    ]
     columns = min(columns, len(shown))
     rows = [range(k, min(k + columns, len(shown))) for k in range(0, len(shown), columns)]
     heights = [max(shown[k].shape[0] + 8 + 19 * len(texts[k]) for k in row) + gap for row in rows]

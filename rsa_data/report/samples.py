@@ -1,5 +1,6 @@
 """Which samples a gallery shows, and everything the tables know of each."""
 
+import difflib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from .. import index
-from ..errors import RsaDataError
+from ..errors import RsaDataError, UsageError
 from ..evaluation.inputs import TestPart
 from ..heads.checkpoint import ScaleHead
 from ..heads.metric import to_metric
@@ -58,8 +59,34 @@ def choose(work: Work, dataset: str, count: int, wanted: str | None) -> list[Sam
         chosen = sorted({*chosen, *bad[:1]})
         for number in chosen:
             most = -(-count // (len(splits) * len(chosen)))
-            found += _of_part(work, dataset, number, most, wanted)
+            rows = table.read(number, ["sample_id"])["sample_id"].to_pylist()
+            names = [n for n in work.tables(dataset) if number in work.table(dataset, n).parts()]
+            bad_ids = _failures(work, dataset, number, names)
+            failed = [k for k, sample_id in enumerate(rows) if sample_id in bad_ids][:_FAILED]
+            others = spread(list(range(len(rows))), max(most - len(failed), 1))
+            found += _of_part(work, dataset, number, sorted({*failed, *others}), wanted)
     return found
+
+
+def one(work: Work, sample_id: str, wanted: str | None = None) -> Sample:
+    """Everything the tables know of one sample; `wanted` as in `choose`.
+
+    Raises UsageError, with the nearest, when no dataset of the work dir has it.
+    """
+    ids: list[str] = []
+    for dataset in work.datasets():
+        table = work.table(dataset, "samples")
+        for number in table.parts() if sample_id.startswith(dataset + "/") else ():
+            part = table.read(number, ["sample_id"])["sample_id"].to_pylist()
+            if sample_id in part:
+                return _of_part(work, dataset, number, [part.index(sample_id)], wanted)[0]
+            ids += part
+        ids += [] if ids else table.read(0, ["sample_id"])["sample_id"].to_pylist()[:1]
+    near = difflib.get_close_matches(sample_id, ids, 1, 0.3) or ids[:1]
+    raise UsageError(
+        f"{work.store.location}: no sample {sample_id!r} there"
+        + (f". Did you mean {near[0]!r}?" if near else ": no dataset is indexed")
+    )
 
 
 def _with_failures(work: Work, dataset: str, numbers: list[int]) -> list[int]:
@@ -68,13 +95,14 @@ def _with_failures(work: Work, dataset: str, numbers: list[int]) -> list[int]:
     return [n for n in numbers if any(n in d and t.receipt(n)["failed"] for t, d in done)]
 
 
-def _of_part(work: Work, dataset: str, number: int, most: int, wanted: str | None) -> list[Sample]:
+def _of_part(
+    work: Work, dataset: str, number: int, chosen: list[int], wanted: str | None
+) -> list[Sample]:
+    """The samples in the rows `chosen` of a part."""
     rows = work.table(dataset, "samples").read(number).to_pylist()
     where = index.find_root(work, dataset)
     names = [n for n in work.tables(dataset) if number in work.table(dataset, n).parts()]
     failures = _failures(work, dataset, number, names)
-    failed = [k for k, row in enumerate(rows) if row["sample_id"] in failures][:_FAILED]
-    chosen = sorted({*failed, *spread(list(range(len(rows))), max(most - len(failed), 1))})
     samples = [Sample(rows[k], where) for k in chosen]
     for s in samples:
         s.failures = failures.get(s.row["sample_id"], [])
