@@ -1,9 +1,10 @@
 """Model cards (what a model is, as data), their files (cache, download, checksum), ONNX sessions.
 
 A card is one TOML file. Every card has `kind` (segments, relative-depth, text-encoder) and
-`licence`; where its file comes from is `hub`, `file` and `revision` (Hugging Face), or `url`; what
-the file must be is `sha256`. A card without a source is for a file that the user has. The other
-keys belong to the code of that kind.
+`licence`; `about` says what it is in a line, and `tested = true` that the project ran it with its
+real weights. Where its file comes from is `hub`, `file` and `revision` (Hugging Face), or `url`;
+what the file must be is `sha256`. A card without a source is for a file that the user has. The
+other keys belong to the code of that kind.
 """
 
 import hashlib
@@ -33,6 +34,16 @@ _TIMEOUT = 30.0  # seconds without an answer
 def names(kind: str) -> list[str]:
     """The names of the shipped cards of a kind."""
     return [p.stem for p in sorted(_CARDS.glob("*.toml")) if read_card(p).get("kind") == kind]
+
+
+def about(name: str) -> str | None:
+    """What a shipped card says of its model, with the licence; None where there is nothing."""
+    path = _CARDS / f"{name}.toml"
+    card = read_card(path) if path.is_file() else {}
+    if "about" not in card:
+        return None
+    tested = "" if card.get("tested") else "; not yet run with its real weights"
+    return f"{card['about']}; {card['licence']}{tested}"
 
 
 def card_path(name: str) -> Path:

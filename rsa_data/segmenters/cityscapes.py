@@ -25,7 +25,7 @@ def build(
     masks: bool = False,
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
-    """A step that reads each sample's instance map.
+    """cityscapes:DIR: Cityscapes' instance maps, DIR being its folder gtFine.
 
     argument : the folder gtFine; the map of .../val/city/x_leftImg8bit.png is there at
         val/city/x_gtFine_instanceIds.png.

@@ -59,6 +59,12 @@ def known() -> list[str]:
     return sorted(_tables()["tables"])
 
 
+def described() -> list[tuple[str, str]]:
+    """(name, how many classes and the first of them) of every shipped table."""
+    found = ((name, list(table(name).names.values())) for name in known())
+    return [(name, f"{len(names)} classes: {', '.join(names[:5])}, ...") for name, names in found]
+
+
 def parse(spec: dict[str, Any], where: str) -> ClassTable:
     """A table from its TOML form: `names`, a list counted from `first` (0 unless given) or a table
     of number = name; `things`, the names of the countable ones, or "all" or "none"; `count`, where

@@ -33,7 +33,7 @@ def build(
     masks: bool = False,
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
-    """A step that looks up each sample's detections in a COCO result or annotation file.
+    """coco-detections:JSON[:IMAGES]: COCO detection results or instance annotations.
 
     argument : JSON, or JSON:IMAGES where IMAGES is an annotation file with the images' names and
         sizes. Without one, a result belongs to the image whose file name ends in its image_id.

@@ -26,7 +26,7 @@ def build(
     masks: bool = False,
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
-    """A step that looks up each sample's annotation by its image's file name.
+    """coco-panoptic:JSON[:DIR]: COCO panoptic annotations, matched by the image's file name.
 
     argument : JSON, or JSON:DIR where DIR holds the PNG files; otherwise they lie in a folder
         named as the JSON file, or beside it. None: the JSON that the dataset itself brings.

@@ -10,6 +10,7 @@ import pyarrow as pa
 from .. import options, registry
 from ..datasets import Dataset
 from ..errors import UsageError
+from ..images import MAX_PIXELS
 from ..models import Device
 
 Step = Callable[[pa.Table], pa.Table]
@@ -31,6 +32,7 @@ def build(
     threads: int = 2,
     batch: int = 1,
     device: Device = "auto",
+    max_pixels: int = MAX_PIXELS,
 ) -> Step:
     """Detects objects, or imports segments that exist already.
 
@@ -49,8 +51,10 @@ def build(
         what comes out does not depend on it.
     batch : images in a run of the model, where it takes more than one.
     device : where the model runs; auto takes CUDA where onnxruntime has it.
+    max_pixels : images with more pixels are refused, unread.
     """
     name, _, argument = source.partition(":")
+    _check_name(name, model_card)
     given = {
         "model": model,
         "model_card": model_card,
@@ -61,6 +65,7 @@ def build(
         "threads": threads,
         "batch": batch,
         "device": device,
+        "max_pixels": max_pixels,
     }
     builder = registry.resolve("segmenter", registry.SEGMENTERS, _entry(name, model_card))
     known = options.parameters(builder)
@@ -82,12 +87,21 @@ def files(
     May download the model. Raises RsaDataError, with the way out, when it cannot be had.
     """
     name, _, argument = source.partition(":")
+    _check_name(name, model_card)
     target = registry.SEGMENTERS.get(_entry(name, model_card), "")
     finder = getattr(import_module(target.partition(":")[0]), "files", None) if target else None
     if finder is None:
         return {}
     given |= {"model": model, "model_card": model_card}
     return finder(name=name, argument=argument or None, **given)
+
+
+def _check_name(name: str, model_card: Path | None) -> None:
+    """A model of one's own shall not fill the table of the default model by oversight."""
+    if model_card is not None and name == DEFAULT and model_card.stem != DEFAULT:
+        raise UsageError(
+            f"--model-card {model_card}: name its table, --source {model_card.stem} for instance"
+        )
 
 
 def _entry(name: str, model_card: Path | None) -> str:

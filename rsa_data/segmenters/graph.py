@@ -100,6 +100,7 @@ def load(
             raise RsaDataError(
                 f"{where}: running {path.name} on an input of shape {batch.shape} failed: {reason}"
             ) from error
+        arrays = [a.astype(np.float32) if a.dtype == np.float16 else a for a in arrays]
         roles = dict(zip(outputs, arrays, strict=True))
         _check_arrays(roles, decoder, where, path.name, len(images))
         if not decoder.batched:

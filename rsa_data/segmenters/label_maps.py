@@ -27,7 +27,7 @@ def build(
     masks: bool = False,
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
-    """A step that reads each sample's label map; one segment for each class in it.
+    """labels:DIR: PNG label maps, one segment for each class; --names says what numbers mean.
 
     argument : DIR, where the map of a/b.jpg is DIR/a/b.png, or a path with one of the fields
         {path} (a/b), {stem} (b), {number} (the digits that b ends in) or {next} (that + 1, for

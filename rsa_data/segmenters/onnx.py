@@ -36,6 +36,7 @@ def build(
     threads: int = 2,
     batch: int = 1,
     device: Device = "auto",
+    max_pixels: int = images.MAX_PIXELS,
 ) -> Callable[[pa.Table], pa.Table]:
     """A step that reads each sample's image below `root` and detects what it shows; see detect."""
     if argument is not None:
@@ -63,7 +64,7 @@ def build(
             if path is None:
                 raise RowError("no image is listed")
             try:
-                return detector.prepare(images.read_image(root / path))
+                return detector.prepare(images.read_image(root / path, max_pixels))
             except RowError as error:
                 raise RowError(f"{path}: {error}") from error
 

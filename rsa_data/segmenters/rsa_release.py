@@ -19,7 +19,7 @@ _FOLDERS = {"nyuv2": "nyu"}
 
 
 def build(*, argument: str | None, dataset: Dataset, **_: Any) -> Callable[[pa.Table], pa.Table]:
-    """A step that looks up each sample's released segments.
+    """rsa-release:DIR: the segments that RSA released; no images needed.
 
     argument : the folder that `find` takes.
     """
