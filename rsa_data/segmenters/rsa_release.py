@@ -34,7 +34,7 @@ def build(*, argument: str | None, dataset: Dataset, **_: Any) -> Callable[[pa.T
     return step
 
 
-def find(argument: str | None, dataset: Dataset) -> Path:
+def find(argument: str | Path | None, dataset: Dataset) -> Path:
     """The folder of one dataset's released segments, with the splits below it.
 
     argument : a clone of the RSA repository, its `text` folder, or `seg_txt_panoptic` itself.
@@ -57,7 +57,7 @@ def find(argument: str | None, dataset: Dataset) -> Path:
     )
 
 
-def index_release(directory: str, dataset: Dataset, split: str | None = None) -> pa.Table:
+def index_release(directory: str | Path, dataset: Dataset, split: str | None = None) -> pa.Table:
     """The samples that the release has segments of, without any image.
 
     directory : as in `find`.  split : one split, or None for all.
