@@ -76,6 +76,7 @@ def test_every_row_equals_depth_errors_of_its_scale_and_shift(work):
     assert list(frame["method"].unique()) == [
         "head",
         "constant",
+        "constant (L1)",
         "median",
         "linear fit",
         "linear fit in depth",
@@ -126,7 +127,7 @@ def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
     bad = frame[frame["sample_id"] == "nyuv2/test/000003"]
     assert set(bad["status"]) == {"failed"}
     assert set(bad["error"]) == {"depth: no valid pixel"}
-    assert len(frame) == 5 * 16
+    assert len(frame) == 6 * 16
     assert "Some images failed" in evaluate(work).summary
 
 
