@@ -310,6 +310,59 @@ def test_inputs_besides_the_picture(tmp_path):
     assert row["score"] == [pytest.approx(0.9), pytest.approx(0.8)]
 
 
+def test_float16_graphs(own, tmp_path):
+    """Input and output in float16, as the default model's file may have them."""
+    import onnx
+
+    model = onnx.load(own["model"])
+    for value in (*model.graph.input, *model.graph.output, *model.graph.value_info):
+        value.type.tensor_type.elem_type = onnx.TensorProto.FLOAT16
+    whole = run(tmp_path, ["r.png", "b.png"], **own)
+    onnx.save(model, own["model"])
+    half = run(tmp_path, ["r.png", "b.png"], **own)
+    assert half["label"].to_pylist() == whole["label"].to_pylist() == [["red"], ["blue"]]
+
+
+def test_a_limit_on_pixels(own, tmp_path):
+    Image.new("1", (30_000, 20_000)).save(tmp_path / "bomb.png")
+    found = run(tmp_path, ["r.png", "bomb.png"], **own)
+    assert found["status"].to_pylist() == ["ok", "failed"]
+    assert found["error"][1].as_py().startswith("bomb.png: image of 30000 x 20000 pixels: expected")
+    found = run(tmp_path, ["r.png"], **own, max_pixels=29)
+    assert found["error"].to_pylist() == [
+        "r.png: image of 6 x 5 pixels: expected at most 29 pixels (max_pixels)"
+    ]
+
+
+def test_a_card_of_ones_own_names_its_table(own):
+    del own["source"]
+    message = "name its table, --source card for instance"
+    with pytest.raises(UsageError, match=message):
+        detect.build(dataset=DATASET, root=None, **own)
+    with pytest.raises(UsageError, match=message):
+        detect.files(**own)
+
+
+def test_memory_does_not_grow_with_the_images(own, tmp_path):
+    """Only some images are in flight, however many there are."""
+    from rsa_data.segmenters import graph, onnx
+
+    card = models.read_card(own["model_card"])
+    detector = graph.load(card, own["model"], table=graph.class_table(card))
+    begun, most, ended = 0, 0, 0
+
+    def read(path):
+        nonlocal begun
+        begun += 1
+        return detector.prepare(np.zeros((4, 4, 3), np.uint8))
+
+    for _ in onnx.detect(detector, read, ["x"] * 500, threads=2):
+        ended += 1
+        most = max(most, begun - ended)
+    assert ended == 500
+    assert most < 30
+
+
 def test_wrong_calls(tmp_path):
     with pytest.raises(UsageError, match="Did you mean 'yolox-nano'"):
         run(tmp_path, [], source="yolox-nan")

@@ -80,7 +80,11 @@ def build(
 
 
 def files(
-    *, source: str, model: Path | None = None, model_card: Path | None = None, **given: Any
+    *,
+    source: str = DEFAULT,
+    model: Path | None = None,
+    model_card: Path | None = None,
+    **given: Any,
 ) -> dict[str, Path]:
     """The files whose bytes decide the segments: model and card, or what an importer reads whole.
 
