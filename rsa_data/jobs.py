@@ -31,6 +31,8 @@ _ROW_STAGES = ("detect", "captions", "embed", "embed-images", "embed-proposals",
 _WHOLE = {
     "train-head": "rsa_data.heads.training:train_head",
     "evaluate": "rsa_data.evaluation.evaluate:evaluate",
+    "compare": "rsa_data.evaluation.compare:compare",
+    "robustness": "rsa_data.evaluation.robustness:robustness",
 }
 _TOP = ("doc", "dataset", *_ROW_STAGES, *_WHOLE)
 
@@ -104,7 +106,7 @@ def run(
 ) -> None:
     """Runs a loaded job: the row stages over each dataset, then what works on whole tables.
 
-    tell_whole : called with `train-head` or `evaluate` and what it returned.
+    tell_whole : called with the name of such a step and what it returned.
     """
     names = []
     for name, entry in job["dataset"].items():
@@ -142,7 +144,7 @@ def run(
     for step, target in _WHOLE.items():
         for table in _each(job, step):
             given = {"datasets": names, **table}
-            if step == "evaluate":
+            if step in ("evaluate", "robustness"):
                 heads = _each(job, "train-head")
                 given.setdefault("head", heads[0].get("name", "head") if heads else "head")
             bound = options.bind(_function(target), given, step)

@@ -186,11 +186,14 @@ def test_one_description_a_scene(work):  # noqa: F811
 def test_plans_of_a_comparison():
     both, text = ("a", "b"), {"style": "occupancy", "encoder": "minilm"}
     fused = {"style": "occupancy", "encoder": "minilm+clip", "head": "fusion"}
-    found = plans(["a", "b"], "occupancy", "minilm", ["clip"], ("few=counts/minilm/mlp3",))
+    others = [("images", "clip"), ("proposals", "yolox")]
+    found = plans(["a", "b"], "occupancy", "minilm", others, ("few=counts/minilm/mlp3",))
+    objects = {"style": "proposals", "encoder": "yolox", "head": "proposals"}
     assert found == [
         ("text", both, text),
         ("image (clip)", both, {"style": "images", "encoder": "clip"}),
         ("text and image (clip)", both, fused),
+        ("detector features (yolox)", both, objects),
         ("few", both, {"style": "counts", "encoder": "minilm", "head": "mlp3"}),
         ("captions shuffled", both, text | {"control": "shuffled"}),
         ("dataset name only", both, text | {"control": "dataset"}),

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from ..heads.examples import Source
 
 
-# Where embeddings of images stand, in the place of a caption style.
-IMAGES = "images"
+# What stands in the place of a caption style where embeddings are of images, or of the objects
+# that a detector found.
+IMAGES, PROPOSALS = "images", "proposals"
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,10 @@ class Entry:
 
 def inputs_of(
     work: Work, names: Sequence[str], style: str | None, encoder: str | None
-) -> tuple[str, str, list[str]]:
-    """The captions' style, the text encoder and the image encoders that every dataset has.
+) -> tuple[str, str, list[tuple[str, str]]]:
+    """The captions' style, the text encoder, and (kind, encoder) of what else every dataset has.
 
+    kind : images or proposals.
     Raises UsageError where what is not named is not the only one, RsaDataError where there is none.
     """
     shared = set.intersection(*(set(work.tables(name)) for name in names))
@@ -44,7 +46,9 @@ def inputs_of(
     texts = [
         (own_style, own_encoder)
         for own_style, own_encoder in found
-        if own_style != IMAGES and style in (None, own_style) and encoder in (None, own_encoder)
+        if own_style not in (IMAGES, PROPOSALS)
+        and style in (None, own_style)
+        and encoder in (None, own_encoder)
     ]
     if len(texts) > 1:
         there = ", ".join("/".join(text) for text in texts)
@@ -54,23 +58,32 @@ def inputs_of(
             f"{', '.join(names)}: expected embeddings of captions by one encoder in all of them; "
             "found none. Make them first: rsa-data embed"
         )
-    return *texts[0], [own_encoder for own_style, own_encoder in found if own_style == IMAGES]
+    others = [(kind, name) for kind, name in found if kind in (IMAGES, PROPOSALS)]
+    return *texts[0], others
 
 
 def plans(
-    names: Sequence[str], style: str, encoder: str, images: Sequence[str], inputs: Sequence[str]
+    names: Sequence[str],
+    style: str,
+    encoder: str,
+    others: Sequence[tuple[str, str]],
+    inputs: Sequence[str],
 ) -> list[tuple[str, tuple[str, ...], dict[str, Any]]]:
     """(label, datasets to train on, options of train_head) of each head; text comes first.
 
-    style, encoder, images : from `inputs_of`. inputs : what else was asked for.
+    style, encoder, others : from `inputs_of`. inputs : what else was asked for.
     Raises UsageError for an input of another form.
     """
     joint, text = tuple(names), {"style": style, "encoder": encoder}
     planned: list[tuple[str, tuple[str, ...], dict[str, Any]]] = [("text", joint, text)]
-    for image in images:
-        both = {"style": style, "encoder": f"{encoder}+{image}", "head": "fusion"}
-        planned.append((f"image ({image})", joint, {"style": IMAGES, "encoder": image}))
-        planned.append((f"text and image ({image})", joint, both))
+    for kind, name in others:
+        if kind == PROPOSALS:
+            options = {"style": PROPOSALS, "encoder": name, "head": "proposals"}
+            planned.append((f"detector features ({name})", joint, options))
+            continue
+        both = {"style": style, "encoder": f"{encoder}+{name}", "head": "fusion"}
+        planned.append((f"image ({name})", joint, {"style": IMAGES, "encoder": name}))
+        planned.append((f"text and image ({name})", joint, both))
     for given in inputs:
         match = re.fullmatch(r"([^=]+)=([^/]+)/([^/]+)(?:/([^/]+))?", given)
         if match is None:
