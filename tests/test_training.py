@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import torch
 from made_tables import DEPTH, ENCODER, write
 
 from rsa_data import ScaleHead, tables
@@ -255,3 +256,31 @@ def test_a_head_trains_on_image_features_alone(work):
         train_head(work, head="fusion", style="images", name="x", **FAST)
     with pytest.raises(UsageError, match="several embeddings tables; say which"):
         train_head(work, name="x", **FAST)
+
+
+def test_a_loss_by_its_logarithm_is_that_of_the_datasets_named():
+    from rsa_data.heads.fit import _with_logs
+
+    loss, dataset = torch.tensor([2.0, 4.0, 5.0]), torch.tensor([0, 0, 1])
+    total = _with_logs(loss, dataset, np.array([True, False]))
+    assert float(total) == pytest.approx(np.log(3) + 5)
+
+
+def test_the_options_of_the_released_code_train(work):
+    toy(work, "nyuv2")
+    toy(work, "kitti", size=6.0)
+    made = train_head(
+        work,
+        loss="huber",
+        log_loss=("nyuv2",),
+        initial="random",
+        standardize=False,
+        schedule="polynomial",
+        units="metres",
+        balance="images",
+        **FAST | {"epochs": 30, "batch": 8, "lr": 3e-4},
+    ).description
+    assert made["standardized"] is False
+    assert made["validation"]["abs_rel"]["nyuv2"] < 0.5
+    with pytest.raises(UsageError, match="unknown dataset in --log-loss 'void'"):
+        train_head(work, log_loss=("void",), name="x", **FAST)

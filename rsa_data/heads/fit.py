@@ -39,6 +39,7 @@ class State:
 class Settings:
     """How to train; `train_head` documents each.
 
+    log : bool for each dataset: its loss in a batch enters as its logarithm.
     weight, unit, min_depth, max_depth : a number for each dataset: what multiplies the loss of its
         images; what its metric errors are divided by, m; the range of its depth, m.
     """
@@ -58,6 +59,7 @@ class Settings:
     patience: int
     precision: str
     seed: int
+    log: np.ndarray
     weight: np.ndarray
     unit: np.ndarray
     min_depth: np.ndarray
@@ -215,7 +217,8 @@ def _step(
         loss = loss + LOSSES[settings.loss](predicted, true) / unit  # (b,)
     if settings.supervision != "depth":
         loss = loss + to_fit(scale, shift, fits)
-    mean = (loss * torch.from_numpy(settings.weight)[dataset].float()).mean()
+    loss = loss * torch.from_numpy(settings.weight)[dataset].float()
+    mean = loss.mean() if not settings.log.any() else _with_logs(loss, dataset, settings.log)
     gradient = row.grad
     assert gradient is not None
     gradient.zero_()
@@ -225,6 +228,15 @@ def _step(
         gradient.mul_(settings.clip / norm)
     optimizer.step()
     return float(mean.detach())
+
+
+def _with_logs(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
+    """Sum over the datasets of a batch of their mean loss, or of its logarithm."""
+    total = torch.zeros(())
+    for d in dataset.unique().tolist():
+        mean = loss[dataset == d].mean()
+        total = total + (mean.log() if log[d] else mean)
+    return total
 
 
 @torch.no_grad()

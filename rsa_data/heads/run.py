@@ -86,6 +86,7 @@ def run(work: Work, plan: Plan, bar: Callable[[str, int], Any] | None, start_ove
             **{key: options[key] for key in Settings.__dataclass_fields__ if key in options},
             "batch": options["batch"] or int(np.clip(examples.total // 16, 16, 256)),
         },
+        log=np.array([name in options["log_loss"] for name in names]),
         unit=np.ones(len(names)) if options["units"] == "metres" else examples.mean_depth,
         weight=_weights(examples.images, options["balance"]),
         min_depth=limits[:, 0],
@@ -135,6 +136,8 @@ def _first_network(plan: Plan, examples: Windows) -> torch.nn.Module:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(plan.options["seed"])
         network = build_network(plan.architecture, examples.dim)
+    if plan.options["initial"] == "random":
+        return network
     with torch.no_grad():
         outputs = ("scale_net", "shift_net")
         for output, value in zip(outputs, examples.typical, strict=True):
