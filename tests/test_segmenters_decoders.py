@@ -271,7 +271,10 @@ def test_semantic_maps(layout):
     resized = torch.nn.functional.interpolate(
         torch.from_numpy(values), size=(21, 33), mode="bilinear", align_corners=False
     )[0]
-    winner, share = resized.argmax(0).numpy(), resized.softmax(0).amax(0).numpy()
+    winner = resized.argmax(0).numpy()
+    share = torch.nn.functional.interpolate(
+        torch.from_numpy(values).softmax(1).amax(1, keepdim=True), size=(21, 33), mode="bilinear"
+    )[0, 0].numpy()
     there = [number for number in (1, 2, 3) if (winner == number).any()]
     assert segments.label == [table.names[number] for number in there]
     assert segments.area.tolist() == [(winner == n).sum() / (33 * 21) for n in there]

@@ -83,9 +83,10 @@ def panoptic(settings: dict[str, Any], table: ClassTable) -> Decoder:
             reach[k] = np.count_nonzero((value if weighted else mask) >= 0.5)
             # argmax gives ties to the first, and pixels where all are 0 to query 0.
             wins = value > best if k else np.ones_like(at_least)
-            best[wins], index[wins] = value[wins], k
+            np.copyto(best, value, where=wins)
+            np.copyto(index, k, where=wins)
             if own:
-                at_least[wins] = mask[wins] >= own
+                np.copyto(at_least, mask >= own, where=wins)
         won = np.bincount(index[index >= 0].ravel(), minlength=len(query))
         if own:
             index[~at_least] = -1

@@ -14,8 +14,8 @@ from .preprocess import Geometry
 def semantic(settings: dict[str, Any], table: ClassTable) -> Decoder:
     """`map`: logits or probabilities (1, c, h, w), or (1, h, w, c) with layout NHWC.
 
-    They are resized to the image, then the largest wins. A segment's score is the mean probability
-    of its class over its pixels. Classes without a name (background) are no segments.
+    They are resized to the image, then the largest wins. A segment's score is the mean over its
+    pixels of the highest probability there. Classes without a name (background) are no segments.
 
     layout : NCHW or NHWC.
     probabilities : whether the graph ends in a softmax.
@@ -47,7 +47,10 @@ def semantic(settings: dict[str, Any], table: ClassTable) -> Decoder:
 def _winners(
     values: np.ndarray, geometry: Geometry, probabilities: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Class and its probability at each pixel of the image, one class at a time."""
+    """Class of each pixel of the image, and the highest probability there, both (height, width).
+
+    The probability is taken at the map's own size and resized, which costs one map, not all.
+    """
     height, width = geometry.height, geometry.width
     used = (
         geometry.used_height / geometry.input_height,
@@ -55,15 +58,15 @@ def _winners(
     )
     best = np.full((height, width), -np.inf, np.float32)
     winner = np.zeros((height, width), np.int32)
-    total = np.zeros((height, width), np.float32)  # sum of exp(value - best) so far
     for k, value in enumerate(values):
         value = masks.resize(value, height, width, used)
         wins = value > best
-        if not probabilities:
-            largest = np.maximum(best, value)
-            total = total * np.exp(best - largest) + np.exp(value - largest)
-        best[wins], winner[wins] = value[wins], k
-    return winner, best if probabilities else 1 / total
+        np.copyto(best, value, where=wins)
+        np.copyto(winner, k, where=wins)
+    highest = values.max(0)
+    if not probabilities:
+        highest = 1 / np.exp(values - highest).sum(0)
+    return winner, masks.resize(highest, height, width, used)
 
 
 def _regions(winner: np.ndarray, table: ClassTable, split: bool) -> tuple[np.ndarray, np.ndarray]:
