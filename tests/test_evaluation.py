@@ -102,11 +102,16 @@ def test_it_is_written_and_the_same_again(work):
     first = evaluate(work)
     read = work.store.read
     files = {n: read(f"{first.folder}/{n}") for n in work.store.list(first.folder)}
-    assert set(files) == {"metrics.parquet", *(f"summary.{e}" for e in ("md", "tex", "csv", "txt"))}
+    summaries = {f"summary.{e}" for e in ("md", "tex", "csv", "txt")}
+    assert set(files) == {"metrics.parquet", "by_description.csv", *summaries}
     again = evaluate(work)
     assert files == {n: read(f"{again.folder}/{n}") for n in files}
     assert pq.read_table(io.BytesIO(files["metrics.parquet"])).equals(first.table)
     csv = pd.read_csv(io.BytesIO(files["summary.csv"]))
+    by = pd.read_csv(io.BytesIO(files["by_description.csv"]))
+    objects = by[(by["by"] == "objects") & (by["method"] == "head")]
+    assert objects[["value", "images"]].values.tolist() == [["1 to 2", 16]]
+    assert objects["abs_rel"].tolist() == pytest.approx([first.rows[0].mean["abs_rel"]])
     assert csv["abs_rel"].tolist() == [row.mean["abs_rel"] for row in first.rows]
 
 

@@ -52,24 +52,55 @@ def by_group(metrics: pd.DataFrame, about: pd.DataFrame, metric: str = "abs_rel"
     return pd.DataFrame(table)
 
 
-def by_class(
-    work: Work, dataset: str, segments: str, numbers: Sequence[int], metrics: pd.DataFrame
+def by_description(
+    work: Work, dataset: str, captions: str, numbers: Sequence[int], metrics: pd.DataFrame
 ) -> pd.DataFrame:
-    """Mean errors of the images that show each class, with how many they are, commonest first.
+    """Mean errors of each method by number of objects, by share covered and by class.
 
-    metrics : rows of one method of one dataset. An image counts for every class in it.
+    metrics : the metrics table of one dataset. Columns: dataset, method, by, value, images, then
+    the metrics. An image counts for every class in it; classes need segments.
     """
+    about = described(work, dataset, captions, numbers)
+    bins = {
+        "objects": pd.cut(
+            about["n_objects"],
+            [-1, 0, 2, 5, 10, np.inf],
+            labels=["0", "1 to 2", "3 to 5", "6 to 10", "11 and more"],
+        ),
+        "share covered": pd.cut(
+            about["area_kept"],
+            [-1, 0.25, 0.5, 0.75, np.inf],
+            labels=["to 25%", "to 50%", "to 75%", "above"],
+        ),
+    }
+    pairs = [
+        pd.DataFrame({"sample_id": about["sample_id"], "by": by, "value": values.astype(str)})
+        for by, values in bins.items()
+    ]
+    segments = [
+        name
+        for name in work.table(dataset, captions).description()["inputs"]
+        if name.startswith("segments/")
+    ]
+    pairs += [_classes(work, dataset, name, numbers) for name in segments]
+    good = metrics[metrics["status"] == "ok"].merge(pd.concat(pairs), on="sample_id")
+    grouped = good.groupby(["dataset", "method", "by", "value"], sort=False)
+    found = grouped[list(METRICS)].mean()
+    found.insert(0, "images", grouped.size())
+    return found.reset_index().sort_values(
+        ["by", "images", "value"], ascending=[True, False, True], kind="stable"
+    )
+
+
+def _classes(work: Work, dataset: str, segments: str, numbers: Sequence[int]) -> pd.DataFrame:
+    """A row for each image and class in it."""
     shows = []
     for n in numbers:
         part = work.table(dataset, segments).read(n, ["sample_id", "label"])
         flat = pc.list_flatten(part["label"])
         ids = part["sample_id"].take(pc.list_parent_indices(part["label"]))
-        shows.append(pd.DataFrame({"sample_id": ids.to_numpy(), "class": flat.to_numpy()}))
-    pairs = pd.concat(shows).drop_duplicates()
-    joined = pairs.merge(metrics[metrics["status"] == "ok"], on="sample_id")
-    found = joined.groupby("class")[list(METRICS)].mean()
-    found.insert(0, "images", joined.groupby("class").size())
-    return found.sort_values(["images"], ascending=False, kind="stable")
+        shows.append(pd.DataFrame({"sample_id": ids.to_numpy(), "value": flat.to_numpy()}))
+    return pd.concat(shows).drop_duplicates().assign(by="class")
 
 
 def text(table: pd.DataFrame, digits: int = 3) -> str:

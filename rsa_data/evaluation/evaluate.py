@@ -4,12 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import pandas as pd
 import pyarrow as pa
 
 from .. import registry
 from ..errors import UsageError
 from ..parts import Work
 from . import output
+from .breakdown import by_description
 from .constants import fit_constants
 from .external import external_methods
 from .methods import Method, by_constant, head_method, label_of, oracle_methods
@@ -63,9 +65,10 @@ def evaluate(
     compare : paper adds the paper's rows where the conditions are the same, and says why not.
     draws : resamplings of scenes for the confidence intervals; 0 for none.
 
-    Writes the metrics of each image (Parquet) and the summary (Markdown, LaTeX, CSV) to
-    WORK/heads/NAME/evaluation/PROTOCOL. Raises RsaDataError when tables are missing or do not
-    belong to the head, UsageError for unknown names.
+    Writes the metrics of each image (Parquet), the summary (Markdown, LaTeX, CSV) and the errors by
+    number of objects, share covered and class (CSV) to WORK/heads/NAME/evaluation/PROTOCOL.
+    Raises RsaDataError when tables are missing or do not belong to the head, UsageError for
+    unknown names.
     """
     from ..heads.checkpoint import ScaleHead
 
@@ -83,7 +86,7 @@ def evaluate(
     depths = {name: source.depth for name, source in tables[head].items()}
     limits = {name: (rule.min_depth, rule.max_depth) for name, rule in ranges.items()}
     constants = fit_constants(work, depths, limits, about.get("datasets", {}))
-    found, theirs, said = [], [], []
+    found, theirs, said, by = [], [], [], []
     for name in names:
         methods: dict[str, Method] = {
             "head" if label == head else label_of(label, other): head_method(
@@ -113,12 +116,19 @@ def evaluate(
             )
             theirs += rows
             said += notes_
+    for name, part in zip(names, found, strict=True):
+        if captions := tables[head][name].captions:
+            numbers = [p.number for p in parts_of(work, name, depths[name], split)]
+            by.append(by_description(work, name, captions, numbers, part.to_pandas()))
     table = pa.concat_tables(found)
     rows = summarise(table, draws)
     said = notes(about, rows, protocol) + said
     shown = [row for name in names for row in (*rows, *theirs) if row.dataset == name]
     folder = f"heads/{head}/evaluation/{protocol}"
     title = f"head {head}: protocol {protocol}, {split} split"
+    if by:
+        content = pd.concat(by).to_csv(index=False, lineterminator="\n")
+        work.store.write(f"{folder}/by_description.csv", content.encode())
     return Evaluation(table, rows, output.write(work, folder, table, shown, title, said), folder)
 
 
