@@ -231,3 +231,20 @@ def test_weights_of_another_architecture_are_refused(tmp_path):
         read_text_tower(path, **TINY)
     with pytest.raises(RsaDataError, match="another architecture"):
         read_text_tower(path)
+
+
+def test_two_lines_of_pandas_and_numpy_open_a_part(tmp_path):
+    import pandas
+    import pyarrow.parquet as pq
+
+    from rsa_data.parts import encoded
+
+    table = build(encoder="minilm", runtime="torch")(captions(["a bed", "a lamp", "a car"]))
+    (tmp_path / "part-00000.parquet").write_bytes(encoded(table))
+    path = tmp_path / "part-00000.parquet"
+    assert pq.read_schema(path).field("embedding").metadata[b"dtype"] == b"float16"
+
+    column = pandas.read_parquet(path, columns=["embedding"])["embedding"]
+    features = np.frombuffer(b"".join(column), "<f2").reshape(len(column), -1)
+
+    np.testing.assert_array_equal(features, tables.embedding_array(table))
