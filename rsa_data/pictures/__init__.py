@@ -7,10 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from .segments import draw_segments, segment_grid
+from .colours import SEGMENT_COLOURS
+from .segments import GRID_CELL, draw_segments, segment_grid
 from .sheet import Prediction, contact_sheet
 
-__all__ = ["Prediction", "contact_sheet", "draw_segments", "save", "segment_grid"]
+__all__ = [
+    "GRID_CELL",
+    "SEGMENT_COLOURS",
+    "Prediction",
+    "contact_sheet",
+    "draw_segments",
+    "save",
+    "segment_grid",
+]
 
 
 def save(picture: np.ndarray, path: Path) -> None:

@@ -56,4 +56,4 @@ def round_up(value: float) -> float:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
     steps = np.array([1, 1.5, 2, 3, 4, 5, 6, 8, 10]) * power
-    return float(steps[np.searchsorted(steps, value * (1 - 1e-9))])
+    return float(steps[np.searchsorted(steps, value * (1 - 1e-6))])

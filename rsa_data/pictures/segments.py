@@ -9,6 +9,8 @@ from .colours import SEGMENT_COLOURS
 from .drawing import INK, PAPER, SOFT, font, resized, wrap
 
 _WIDTH = 960
+# px; pictures of this width keep their text sharp in a grid.
+GRID_CELL = 480
 
 
 def draw_segments(
@@ -48,8 +50,7 @@ def draw_segments(
         if segments.score[k] < 1:
             text += f" ({segments.score[k]:.2f})"
         if masks is not None and masks[k].any():
-            rows, columns = np.nonzero(masks[k])
-            spot = np.median(columns) * zoom[0], np.median(rows) * zoom[1]
+            spot = tuple(_middle(masks[k]) * zoom[:2])
         elif boxes is not None:
             x1, y1, x2, y2 = boxes[k]
             if masks is None:
@@ -74,7 +75,7 @@ def segment_grid(pictures: Sequence[tuple[np.ndarray, str]], *, columns: int = 3
     """uint8 (h, w, 3), RGB: pictures of any size side by side, each with its text below."""
     from PIL import Image, ImageDraw
 
-    cell, gap = 480, 16
+    cell, gap = GRID_CELL, 16
     shown = [resized(p, cell, round(cell * p.shape[0] / p.shape[1])) for p, _ in pictures]
     texts = [
         [line for part in text.split("\n") for line in wrap(part, 14, cell, 5)]
@@ -95,6 +96,12 @@ def segment_grid(pictures: Sequence[tuple[np.ndarray, str]], *, columns: int = 3
                 draw.text((x, top), line, SOFT if n == 0 else INK, font(14))
         y += height
     return np.asarray(canvas)
+
+
+def _middle(mask: np.ndarray) -> np.ndarray:
+    """x, y of the mask's pixel nearest to the middle of it, which may lie outside of the mask."""
+    places = np.argwhere(mask)[:, ::-1]
+    return places[np.square(places - np.median(places, 0)).sum(1).argmin()]
 
 
 def _tint(picture: np.ndarray, mask: np.ndarray, colour: np.ndarray) -> np.ndarray:
