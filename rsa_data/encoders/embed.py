@@ -139,10 +139,21 @@ def encode(
     **others: object,
 ) -> np.ndarray:
     """Features of a few texts, float32 of shape (n, dim), in torch, which is soonest ready."""
+    return loaded(encoder=encoder, weights=weights, normalize=normalize)(texts)
+
+
+def loaded(
+    *, encoder: str, weights: Path | None = None, normalize: bool = False, **others: object
+) -> Callable[[Sequence[str]], np.ndarray]:
+    """`encode` with the weights in memory, for calls one after the other."""
     run, model, _ = _runners(encoder, weights, "float32", "torch", "cpu", 2)
-    features = _all(run, model, model.tokenize(list(texts))[0])
-    _check_finite(features, texts)
-    return features / np.linalg.norm(features, axis=1, keepdims=True) if normalize else features
+
+    def encode(texts: Sequence[str]) -> np.ndarray:
+        features = _all(run, model, model.tokenize(list(texts))[0])
+        _check_finite(features, texts)
+        return features / np.linalg.norm(features, axis=1, keepdims=True) if normalize else features
+
+    return encode
 
 
 def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:

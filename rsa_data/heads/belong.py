@@ -1,6 +1,6 @@
 """Which tables belong together: what a head's features and relative depth are made of."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -176,6 +176,11 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
 
     features : `features` of head.json. weights : the encoder's file, where it is not found alone.
     """
+    return encoder(features, weights)(captions)
+
+
+def encoder(features: dict[str, Any], weights: Any = None) -> Callable[[Sequence[str]], np.ndarray]:
+    """`encode` with the encoder in memory; raises RsaDataError when it is not the head's."""
     from ..encoders import embed
     from ..stages import file_sha256
 
@@ -193,4 +198,4 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
                 f"encoder {features['encoder']}: the head was trained with another file {name}: "
                 f"expected sha256 {known}; found {found} in {path.name}"
             )
-    return embed.encode(captions, **options)
+    return embed.loaded(**options)

@@ -3,11 +3,14 @@
 import random
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import RowError, RsaDataError, UsageError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _PARAPHRASES = 8
 
@@ -55,6 +58,15 @@ def tell(
 
     about : head.json. Raises RsaDataError for an image that cannot be read.
     """
+    _, captions = look(about, place, names, segmenter, model)
+    texts = dict(zip(captions["sample_id"].to_pylist(), captions["text"].to_pylist(), strict=True))
+    return [texts[name] for name in names]
+
+
+def look(
+    about: dict[str, Any], place: Path, names: list[str], segmenter: str | None, model: Path | None
+) -> "tuple[pa.Table, pa.Table]":
+    """Segments and plain captions of each image, as the head's tables have them; see `tell`."""
     import pyarrow as pa
 
     from .. import tables
@@ -75,9 +87,7 @@ def tell(
     for row in segments.select(["status", "error"]).to_pylist():
         if row["status"] != "ok":
             raise RsaDataError(f"--image: {row['error']}")
-    captions = write.build(**{**options, "variants": 1})(segments, samples)
-    texts = dict(zip(captions["sample_id"].to_pylist(), captions["text"].to_pylist(), strict=True))
-    return [texts[name] for name in names]
+    return segments, write.build(**{**options, "variants": 1})(segments, samples)
 
 
 def relative_of(

@@ -1,6 +1,6 @@
 """predict: from captions or images to scale and shift, and on to metric depth."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -153,9 +153,15 @@ def predict(
 
 
 def from_captions(
-    head: "ScaleHead", captions: Sequence[str], weights: Path | None = None
+    head: "ScaleHead",
+    captions: Sequence[str],
+    weights: Path | None = None,
+    encoder: Callable[[Sequence[str]], np.ndarray] | None = None,
 ) -> list[Prediction]:
-    """Predictions of captions, each with the spread over its paraphrases and its distance."""
+    """Predictions of captions, each with the spread over its paraphrases and its distance.
+
+    encoder : the head's encoder, when the caller holds it in memory.
+    """
     from .belong import encode
     from .calibrate import distance
 
@@ -163,7 +169,7 @@ def from_captions(
     distinct = list(dict.fromkeys(captions))
     others = [paraphrases(text) for text in distinct]
     flat = [text for pair in zip(distinct, others, strict=True) for text in (pair[0], *pair[1])]
-    features = encode(head.description["features"], flat, weights)
+    features = encoder(flat) if encoder else encode(head.description["features"], flat, weights)
     scale, shift = head(features)
     starts = np.cumsum([0] + [1 + len(o) for o in others])
     far = head.description.get("far")

@@ -36,6 +36,7 @@ class Sample:
     segments: Segments | None = None
     captions: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
+    relative: np.ndarray | None = None
     truth: np.ndarray | None = None
     predicted: np.ndarray | None = None
     scale: float | None = None
@@ -199,7 +200,7 @@ def _add_depth(work, dataset, name, number, ids, samples) -> None:
         if not row or row["status"] != "ok" or row["kind"] != "map":
             continue
         shape = row["height"], row["width"]
-        y = np.frombuffer(row["relative"], "<f2").reshape(shape).astype(np.float32)
+        y = s.relative = np.frombuffer(row["relative"], "<f2").reshape(shape).astype(np.float32)
         s.truth = np.frombuffer(row["metric"], "<f2").reshape(shape).astype(np.float32)
         if s.scale is not None:
             s.predicted = to_metric(y, s.scale, s.shift)
