@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from rsa_data import ScaleHead, to_metric
+from rsa_data.heads.refine import refine
 from rsa_data.heads.training import train_head
 from rsa_data.parts import Work
 
@@ -49,6 +50,7 @@ def examples(data: Path) -> dict[str, np.ndarray]:
         "y": y,
         "depth": depth,
         "far": far,
+        "teacher": data / "rsa_heads/da_lanscale.pt",
     }
 
 
@@ -70,6 +72,38 @@ def write_tables(work: Work, e: dict[str, np.ndarray]) -> None:
 def abs_rel(depth: np.ndarray, scale: np.ndarray, shift: np.ndarray, e: dict) -> np.ndarray:
     predicted = np.clip(to_metric(e["y"], scale, shift), 1e-3, e["far"][:, None])
     return (np.abs(predicted - depth) / depth).mean(1)
+
+
+def known_points(head: ScaleHead, e: dict) -> None:
+    """AbsRel on the test keys against known points, with the text's prediction and without it.
+
+    Without: the training set's median scale and shift of the dataset are the prior, with their
+    spread over the training images.
+    """
+    scale, shift = head(e["features"])
+    true = ScaleHead.load(e["teacher"])(e["features"])
+    rng = np.random.default_rng(1)
+    test = np.flatnonzero(e["split"] == "test")[::4]
+    print("| known points | NYU text | NYU none | KITTI text | KITTI none |\n|---|---|---|---|---|")
+    for count in (0, 1, 2, 5):
+        means = []
+        for name in DATASETS:
+            train = (e["name"] == name) & (e["split"] == "train")
+            typical = [float(np.median(t[train])) for t in true]
+            spread = [float(np.std(t[train]) / m) for t, m in zip(true, typical, strict=True)]
+            wide = {"scale": spread[0], "shift": spread[1], "correlation": 0.0}
+            rows = test[e["name"][test] == name]
+            for text in (True, False):
+                pairs = []
+                for row in rows:
+                    at = rng.choice(256, count, replace=False)
+                    start = (float(scale[row]), float(shift[row])) if text else typical
+                    prior = head.description.get("prior") if text else wide
+                    pairs.append(refine(*start, e["y"][row, at], e["depth"][row, at], prior))
+                a, b = np.array(pairs).T
+                sub = {k: e[k][rows] for k in ("y", "far")}
+                means.append(abs_rel(e["depth"][rows], a, b, sub).mean())
+        print(f"| {count} | " + " | ".join(f"{m:.4f}" for m in means) + " |", flush=True)
 
 
 def main() -> None:
@@ -104,6 +138,8 @@ def main() -> None:
                 kinds = {"all": test, "seen": test & seen, "unseen": test & ~seen}
                 means = [f"{k} {error[m].mean():.4f} ({m.sum()})" for k, m in kinds.items()]
                 print(f"  {name}: AbsRel " + ", ".join(means), flush=True)
+            if control == "none":
+                known_points(ScaleHead.load(trained.path), e)
 
 
 if __name__ == "__main__":
