@@ -99,6 +99,9 @@ def test_a_model_of_ones_own_needs_no_code(own, tmp_path):
         {"label": ["blue"], "area": [1.0], "width": 6, "height": 5, "is_thing": [False]},
     ]
     assert detect.files(**own) == {"model": own["model"], "card": own["model_card"]}
+    weights = tmp_path / "m.onnx.data"
+    weights.write_bytes(b"weights that the graph leaves out")
+    assert detect.files(**own)["model.data"] == weights
 
 
 def test_neither_threads_nor_batches_change_a_byte(own, tmp_path):

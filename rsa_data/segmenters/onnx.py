@@ -78,12 +78,12 @@ def build(
 def files(
     *, name: str, model: Path | None = None, model_card: Path | None = None, **_: Any
 ) -> dict[str, Path]:
-    """The model's file, which may be downloaded here, and its card."""
-    card = _card(name, model_card)
-    return {
-        "model": local_file(card, model, "--model"),
-        "card": model_card or card_path(name),
-    }
+    """The model's file, which may be downloaded here, what lies outside it, and its card."""
+    path = local_file(_card(name, model_card), model, "--model")
+    # The usual names of weights that an ONNX file leaves out: Hugging Face's, and torch's.
+    outside = {s: path.with_name(path.name + s) for s in ("_data", ".data")}
+    beside = {f"model{s}": data for s, data in outside.items() if data.is_file()}
+    return {"model": path, **beside, "card": model_card or card_path(name)}
 
 
 def _card(name: str, model_card: Path | None) -> Card:
