@@ -10,6 +10,8 @@ from .layers import mlp, positive
 
 
 class Fusion(nn.Module):
+    """Text and image features together."""
+
     def __init__(self, dim: int, text_dim: int):
         super().__init__()
         self.text_dim = text_dim

@@ -7,6 +7,8 @@ from .layers import mlp, positive
 
 
 class Linear(nn.Module):
+    """Logarithms of scale and shift linear in the features: the least that can be learned."""
+
     def __init__(self, dim: int):
         super().__init__()
         self.shift_net = mlp(dim, 1)

@@ -12,6 +12,8 @@ from .layers import mlp, positive
 
 
 class Mlp3(nn.Module):
+    """The head of the released checkpoints: three shared layers, three each for scale and shift."""
+
     def __init__(self, dim: int):
         super().__init__()
         self.scene_feat_net = mlp(dim, 512, 256, 256)

@@ -11,6 +11,8 @@ from .layers import mlp, positive
 
 
 class Mlp5(nn.Module):
+    """The paper's final head: five shared layers, five each for scale and shift."""
+
     def __init__(self, dim: int):
         super().__init__()
         # There is no activation between the shared network and the two behind it: so it was

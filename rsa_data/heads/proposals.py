@@ -11,6 +11,8 @@ from .layers import mlp, positive
 
 
 class Proposals(nn.Module):
+    """Features of a detector's proposals, each through an MLP, then their mean."""
+
     def __init__(self, dim: int, feature_dim: int):
         super().__init__()
         self.width = feature_dim + 1

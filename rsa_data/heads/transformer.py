@@ -11,6 +11,8 @@ from .layers import mlp, positive
 
 
 class Transformer(nn.Module):
+    """The rebuttal's transformer: 256 hidden, 4 heads, a 3-layer MLP each for scale and shift."""
+
     def __init__(self, dim: int, width: int = 256, heads: int = 4, layers: int = 1):
         super().__init__()
         self.project = nn.Linear(dim, width)
