@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -74,6 +75,9 @@ def read_bytes(path: Path) -> bytes:
     Raises RowError when there is no such file, TransientError when the file system fails.
     """
     try:
+        # A pipe would be waited for without end.
+        if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+            raise RowError("expected a file, found a pipe, socket or device")
         return path.read_bytes()
     except OSError as error:
         raise _file_error(error, path) from error
