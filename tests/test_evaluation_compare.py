@@ -67,6 +67,19 @@ def test_heads_that_are_trained_are_taken_as_they_are(work, found):
     assert work.store.read("heads/c-text-0/head.safetensors") == before
 
 
+def test_a_dataset_that_is_never_trained_on(work, found):
+    images(work, "sunrgbd", 8, "test", texts=TEXTS * 2)
+    shown = compare(work, name="z", epochs=1, threads=1, draws=0, zero_shot=("void",))
+    methods = {
+        name: [r.method for r in shown.rows if r.dataset == name] for name in ("void", "sunrgbd")
+    }
+    for name, constants in (("void", ["constant", "constant (L1)"]), ("sunrgbd", [])):
+        trained = ["text (zero-shot)", "text, one description a scene (zero-shot)"]
+        assert methods[name][:2] == trained
+        assert [m for m in methods[name] if "constant" in m] == [*constants, "joint constant"]
+        assert not any("alone" in m for m in methods[name])
+
+
 def test_one_seed_needs_no_merging(found):
     frame = found.table.to_pandas()
     one = found.table.filter(np.asarray(~frame["method"].str.endswith("#1")))

@@ -187,7 +187,8 @@ def test_plans_of_a_comparison():
     both, text = ("a", "b"), {"style": "occupancy", "encoder": "minilm"}
     fused = {"style": "occupancy", "encoder": "minilm+clip", "head": "fusion"}
     others = [("images", "clip"), ("proposals", "yolox")]
-    found = plans(["a", "b"], "occupancy", "minilm", others, ("few=counts/minilm/mlp3",))
+    asked = ("few=counts/minilm/mlp3",), ("b+a",)
+    found = plans(["a", "b"], "occupancy", "minilm", others, *asked)
     objects = {"style": "proposals", "encoder": "yolox", "head": "proposals"}
     assert found == [
         ("text", both, text),
@@ -199,9 +200,14 @@ def test_plans_of_a_comparison():
         ("dataset name only", both, text | {"control": "dataset"}),
         ("text, a alone", ("a",), text),
         ("text, b alone", ("b",), text),
+        ("text, b and a", ("b", "a"), text),
     ]
     with pytest.raises(UsageError, match="LABEL=STYLE/ENCODER"):
         plans(["a"], "occupancy", "minilm", [], ("image",))
+    with pytest.raises(UsageError, match="dataset in --subsets 'c'"):
+        plans(["a"], "occupancy", "minilm", [], (), ("a+c",))
+    with pytest.raises(UsageError, match="training split"):
+        plans([], "occupancy", "minilm", [], ())
 
 
 ROWS = [

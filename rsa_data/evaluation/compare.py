@@ -12,7 +12,7 @@ from .. import registry, tables
 from ..parts import Work
 from . import breakdown, formats, plots
 from .constants import fit_constants
-from .contenders import Entry, inputs_of, methods_of, plans, train
+from .contenders import Entry, has_training, inputs_of, methods_of, plans, train
 from .evaluate import Evaluation
 from .methods import by_constant, oracle_methods
 from .metrics import METRICS
@@ -33,12 +33,15 @@ def compare(
     encoder: str | None = None,
     depth_model: str | None = None,
     inputs: tuple[str, ...] = (),
+    subsets: tuple[str, ...] = (),
+    zero_shot: tuple[str, ...] = (),
     protocol: str = "rsa",
     split: str = "test",
     seeds: int = 1,
     epochs: int = 50,
     threads: int = 2,
     split_scene: bool = False,
+    start_over: bool = False,
     draws: int = 1000,
 ) -> Evaluation:
     """Trains heads on each kind of input and measures them all on the same images.
@@ -58,12 +61,16 @@ def compare(
     depth_model : relative-depth model, needed when there are several.
     inputs : further inputs as LABEL=STYLE/ENCODER or LABEL=STYLE/ENCODER/HEAD, of embeddings
         tables that every dataset has, such as counts=counts/clip-rn50.
+    subsets : further sets of datasets to train text on, such as nyuv2+kitti beside all three.
+    zero_shot : datasets to measure on and never train on; those without a training split always
+        are.
     protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
     split : what to measure on.
     seeds : heads trained for each input; their errors are averaged, their spread is told.
     epochs : of each training.
     threads : CPU threads of each training.
     split_scene : as for train-head, for datasets of one scene.
+    start_over : train all heads anew.
     draws : resamplings of scenes for the confidence intervals; 0 for none.
 
     Writes metrics, summaries and plots to WORK/comparisons/NAME.
@@ -71,9 +78,10 @@ def compare(
     if protocol not in PROTOCOLS:
         raise registry.unknown("protocol", protocol, PROTOCOLS)
     names = with_split(work, datasets, split)
-    kinds = plans(names, *inputs_of(work, names, style, encoder), inputs)
+    learn = [d for d in names if d not in zero_shot and has_training(work, d)]
+    kinds = plans(learn, *inputs_of(work, names, style, encoder), inputs, subsets)
     common: dict[str, Any] = {"depth_model": depth_model, "split_scene": split_scene}
-    common |= {"epochs": epochs, "threads": threads}
+    common |= {"epochs": epochs, "threads": threads, "start_over": start_over}
     entries = [
         train(work, bar, name, label, seed, chosen, {**common, **options}, names)
         for seed in range(seeds)
@@ -83,7 +91,7 @@ def compare(
     ranges = {d: rules_of(work, d, protocol) for d in names}
     depths = {d: text.sources[d].depth for d in names}
     limits = {d: (rule.min_depth, rule.max_depth) for d, rule in ranges.items()}
-    constants = fit_constants(work, depths, limits, names)
+    constants = fit_constants(work, depths, limits, learn)
     found = []
     for d in names:
         parts = parts_of(work, d, depths[d], split)

@@ -5,8 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .. import index
 from ..errors import RsaDataError, UsageError
 from ..parts import Work
+from ..registry import unknown
 from .inputs import TestPart
 from .methods import Method, by_head, head_method
 from .scenes import one_description
@@ -62,18 +64,29 @@ def inputs_of(
     return *texts[0], others
 
 
+def has_training(work: Work, dataset: str) -> bool:
+    """Whether a dataset has images that may be trained on."""
+    tests = index.load_dataset(work, dataset).test_splits
+    samples = work.table(dataset, "samples")
+    return any(samples.receipt(n)["split"] not in tests for n in samples.parts())
+
+
 def plans(
     names: Sequence[str],
     style: str,
     encoder: str,
     others: Sequence[tuple[str, str]],
     inputs: Sequence[str],
+    subsets: Sequence[str] = (),
 ) -> list[tuple[str, tuple[str, ...], dict[str, Any]]]:
     """(label, datasets to train on, options of train_head) of each head; text comes first.
 
-    style, encoder, others : from `inputs_of`. inputs : what else was asked for.
-    Raises UsageError for an input of another form.
+    names : the datasets that may be trained on. style, encoder, others : from `inputs_of`.
+    inputs, subsets : what else was asked for, as `compare` says.
+    Raises UsageError for an input of another form, a subset of others, and no dataset at all.
     """
+    if not names:
+        raise UsageError("compare: expected a dataset with a training split; found none")
     joint, text = tuple(names), {"style": style, "encoder": encoder}
     planned: list[tuple[str, tuple[str, ...], dict[str, Any]]] = [("text", joint, text)]
     for kind, name in others:
@@ -98,6 +111,12 @@ def plans(
     if len(names) > 1:
         planned.append(("dataset name only", joint, {**text, "control": "dataset"}))
         planned += [(f"text, {d} alone", (d,), text) for d in names]
+    for subset in subsets:
+        chosen = tuple(subset.split("+"))
+        for name in chosen:
+            if name not in names:
+                raise unknown("dataset in --subsets", name, names)
+        planned.append((f"text, {' and '.join(chosen)}", chosen, text))
     return planned
 
 
@@ -133,7 +152,7 @@ def methods_of(
         if entry.label == "text" and source.captions:
             described = one_description(parts, source.embeddings, source.captions)
             if described is not None:
-                methods[f"text, one description a scene #{entry.seed}"] = by_head(
+                methods[f"text, one description a scene{zero} #{entry.seed}"] = by_head(
                     entry.head, source.embeddings, source.captions, see=described
                 )
     return methods
