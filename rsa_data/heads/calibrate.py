@@ -41,8 +41,8 @@ def calibrate(head: ScaleHead, validation: Examples) -> dict[str, Any]:
     assert head.reference is not None
     far = np.quantile(distance(features, head.reference, head.mean.numpy()), 0.99)
     said: dict[str, Any] = {"far": round(float(far), 4)}
-    # A head that has collapsed may say 0, as exp does of a large negative number.
-    predicted = np.maximum(np.stack(head(features), 1), 1e-12)  # (n, 2)
+    # A head that has collapsed may say 0 or inf, as exp does of a large number.
+    predicted = np.clip(np.stack(head(features), 1), 1e-12, 1e12)  # (n, 2)
     error = (validation.fit - predicted) / predicted
     error = error[np.isfinite(error).all(1)]
     if len(error) >= 10:
