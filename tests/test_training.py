@@ -131,12 +131,12 @@ def test_windows_of_a_small_memory_see_every_image_once_an_epoch(work):
         def close(self):
             counted.append(0)
 
-    trained = train_head(work, Bar, memory=1e-5, **FAST | {"epochs": 40, "lr": 0.01})
+    trained = train_head(work, Bar, memory=6e-5, **FAST | {"epochs": 15})
     used = trained.description["datasets"]
     images = used["nyuv2"]["images"] + used["kitti"]["images"]
     assert used["nyuv2"]["images"] + used["nyuv2"]["validation_images"] == 120
-    assert counted[0] == -40 * images and sum(counted) == 0 and counted[-1] == 0
-    assert max(trained.description["validation"]["abs_rel"].values()) < 0.4
+    assert counted[0] == -15 * images and sum(counted) == 0 and counted[-1] == 0
+    assert max(trained.description["validation"]["abs_rel"].values()) < 0.5
 
 
 @pytest.mark.parametrize("loss", ["huber", "log-l1", "silog"])
