@@ -1,5 +1,7 @@
 """Pictures: what lies where, colours that mean numbers, text that stays inside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -126,6 +128,20 @@ def test_masks_are_tinted_and_the_rest_is_left_alone():
     assert not (picture[480, 120] == 100).all()
 
 
+def test_a_masks_label_stands_on_it_and_stuff_without_a_mask_has_no_frame():
+    ring = np.ones((60, 80), bool)
+    ring[10:50, 20:80] = False  # its middle is not in it
+    image = np.full((60, 80, 3), 100, np.uint8)
+    found = replace(segments([[0, 0, 80, 60]], ["wall"]), is_thing=np.array([False]))
+    tinted = pictures.draw_segments(image, found, masks=[ring], width=800)
+    solid = (tinted == pictures.SEGMENT_COLOURS[0]).all(-1)
+    solid[90:510, 190:] = False
+    assert solid.sum() > 500
+    plain = pictures.draw_segments(image, found, width=800)
+    assert (plain[:600] == 100).all()
+    assert plain.shape[0] > 600
+
+
 def test_segments_without_a_place_are_named_below_the_image():
     image = np.zeros((60, 80, 3), np.uint8)
     picture = pictures.draw_segments(image, segments(None), width=400)
@@ -146,6 +162,6 @@ def test_a_grid_holds_pictures_of_all_sizes(tmp_path):
     shapes = ((60, 80), (40, 120), (90, 60), (10, 10))
     shown = [(np.full((*s, 3), 90, np.uint8), f"sample {s}") for s in shapes]
     grid = pictures.segment_grid(shown, columns=3)
-    assert (grid == 90).all(-1).sum() == sum(480 * round(480 * h / w) for h, w in shapes)
+    assert (grid == 90).all(-1).sum() == sum(640 * round(640 * h / w) for h, w in shapes)
     pictures.save(grid, tmp_path / "a" / "grid.png")
     np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a" / "grid.png")), grid)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from .colours import SEGMENT_COLOURS
-from .segments import GRID_CELL, draw_segments, segment_grid
+from .segments import draw_segments, segment_grid
 from .sheet import Prediction, contact_sheet
 
 __all__ = [
-    "GRID_CELL",
     "SEGMENT_COLOURS",
     "Prediction",
     "contact_sheet",

@@ -8,9 +8,8 @@ from ..segmenters import Segments
 from .colours import SEGMENT_COLOURS
 from .drawing import INK, PAPER, SOFT, font, resized, wrap
 
-_WIDTH = 960
-# px; pictures of this width keep their text sharp in a grid.
-GRID_CELL = 480
+# px, of a picture of segments and of a cell of a grid: alike, so that text stays sharp.
+_WIDTH = 640
 
 
 def draw_segments(
@@ -27,39 +26,40 @@ def draw_segments(
     width : px of the result.
 
     Labels are put where no other label stands, largest segment first; one that finds no place is
-    left out. A segment without box and mask gets a line below the image.
+    left out. Without masks, stuff (walls, sky) has no frame, as its box says little: it is named in
+    a line below the image, like what has neither box nor mask.
     """
     from PIL import Image, ImageDraw
 
     height = round(width * image.shape[0] / image.shape[1])
     picture = resized(image, width, height).astype(np.float32)
     order = np.argsort(-np.asarray(segments.area), kind="stable")
+    spots: dict[int, tuple[float, float, bool]] = {}
     if masks is not None:
         for k in order:
             mask = resized(masks[k].astype(np.uint8) * 255, width, height, smooth=False) > 0
-            picture = _tint(picture, mask, SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)])
+            if mask.any():
+                picture = _tint(picture, mask, SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)])
+                spots[k] = *_deepest(mask), True
     canvas = Image.fromarray(picture.astype(np.uint8))
     draw = ImageDraw.Draw(canvas)
-    zoom = np.array([width / image.shape[1], height / image.shape[0]] * 2)
-    boxes = None if segments.box is None else np.asarray(segments.box) * zoom
+    if masks is None and segments.box is not None:
+        boxes = segments.box * np.array([width / image.shape[1], height / image.shape[0]] * 2)
+        for k in order:
+            if segments.is_thing[k]:
+                x1, y1, x2, y2 = (float(v) for v in boxes[k])
+                draw.rectangle((x1, y1, x2 - 1, y2 - 1), outline=_colour(k), width=3)
+                spots[k] = x1, y1, False
     taken: list[tuple[float, float, float, float]] = []
     below = []
     for k in order:
-        colour = tuple(int(c) for c in SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)])
         text = f"{segments.label[k]} {100 * segments.area[k]:.1f}%"
         if segments.score[k] < 1:
             text += f" ({segments.score[k]:.2f})"
-        if masks is not None and masks[k].any():
-            spot = tuple(_middle(masks[k]) * zoom[:2])
-        elif boxes is not None:
-            x1, y1, x2, y2 = boxes[k]
-            if masks is None:
-                draw.rectangle((x1, y1, x2 - 1, y2 - 1), outline=colour, width=3)
-            spot = x1, y1
+        if k in spots:
+            _label(draw, text, spots[k], _colour(k), taken, (width, height))
         else:
             below.append(text)
-            continue
-        _label(draw, text, spot, colour, taken, (width, height))
     if not below:
         return np.asarray(canvas)
     lines = wrap(", ".join(below), 16, width - 16, 8)
@@ -72,10 +72,13 @@ def draw_segments(
 
 
 def segment_grid(pictures: Sequence[tuple[np.ndarray, str]], *, columns: int = 3) -> np.ndarray:
-    """uint8 (h, w, 3), RGB: pictures of any size side by side, each with its text below."""
+    """uint8 (h, w, 3), RGB: pictures of any size side by side, each with its text below.
+
+    A line break in the text is kept; its first line is the heading.
+    """
     from PIL import Image, ImageDraw
 
-    cell, gap = GRID_CELL, 16
+    cell, gap = _WIDTH, 16
     shown = [resized(p, cell, round(cell * p.shape[0] / p.shape[1])) for p, _ in pictures]
     texts = [
         [line for part in text.split("\n") for line in wrap(part, 14, cell, 5)]
@@ -98,10 +101,18 @@ def segment_grid(pictures: Sequence[tuple[np.ndarray, str]], *, columns: int = 3
     return np.asarray(canvas)
 
 
-def _middle(mask: np.ndarray) -> np.ndarray:
-    """x, y of the mask's pixel nearest to the middle of it, which may lie outside of the mask."""
-    places = np.argwhere(mask)[:, ::-1]
-    return places[np.square(places - np.median(places, 0)).sum(1).argmin()]
+def _colour(k: int) -> tuple[int, int, int]:
+    r, g, b = (int(c) for c in SEGMENT_COLOURS[k % len(SEGMENT_COLOURS)])
+    return r, g, b
+
+
+def _deepest(mask: np.ndarray) -> tuple[float, float]:
+    """x, y of the mask's pixel that is farthest from its outline: there a label belongs to it."""
+    import cv2
+
+    inside = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 3)[1:-1, 1:-1]
+    y, x = np.unravel_index(inside.argmax(), inside.shape)
+    return float(x), float(y)
 
 
 def _tint(picture: np.ndarray, mask: np.ndarray, colour: np.ndarray) -> np.ndarray:
@@ -116,12 +127,16 @@ def _tint(picture: np.ndarray, mask: np.ndarray, colour: np.ndarray) -> np.ndarr
 
 
 def _label(draw, text: str, spot, colour, taken, size) -> None:
-    """Text on its colour at the spot, or a little below or above, where nothing stands yet."""
+    """Text on its colour at the spot, or a little below or above, where nothing stands yet.
+
+    spot : x, y, px, and whether that is the label's middle or its top left corner.
+    """
     x1, y1, x2, y2 = draw.textbbox((0, 0), text, font(16))
     w, h = x2 - x1 + 8, y2 - y1 + 8
-    x = float(np.clip(spot[0], 0, max(size[0] - w, 0)))
+    left, top = (spot[0] - w / 2, spot[1] - h / 2) if spot[2] else spot[:2]
+    x = float(np.clip(left, 0, max(size[0] - w, 0)))
     for step in (0, 1, -1, 2, -2, 3, -3, 4, -4):
-        y = float(np.clip(spot[1] + step * (h + 2), 0, max(size[1] - h, 0)))
+        y = float(np.clip(top + step * (h + 2), 0, max(size[1] - h, 0)))
         place = (x, y, x + w, y + h)
         if all(x + w <= a or c <= x or y + h <= b or d <= y for a, b, c, d in taken):
             taken.append(place)
