@@ -1,6 +1,7 @@
 """evaluate: every image and method accounted for, and the numbers those of the definitions."""
 
 import io
+import json
 import shutil
 
 import numpy as np
@@ -9,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from made_tables import write
 
-from rsa_data import depth_errors
+from rsa_data import ScaleHead, depth_errors
 from rsa_data.errors import RsaDataError, UsageError
 from rsa_data.evaluation import setting
 from rsa_data.evaluation.evaluate import evaluate
@@ -177,6 +178,27 @@ def test_tables_that_are_not_the_heads_are_refused(work):
     images(work, "void", 8, "test", encoder=other)
     with pytest.raises(RsaDataError, match=r"head and embeddings.*normalize"):
         evaluate(work)
+
+
+@pytest.mark.parametrize("normalize", [False, True])
+def test_an_imported_head_is_held_to_what_is_known_of_it(work, normalize):
+    head = ScaleHead.load(f"{work.store.location}/heads/head")
+    about = json.loads(json.dumps(head.description))
+    del about["datasets"]
+    about["features"] |= {"style": None, "files": None, "stage_version": None}
+    about["features"]["options"] = {"encoder": "minilm", "normalize": normalize}
+    unknown = dict.fromkeys(("model", "options", "files", "stage_version"))
+    about |= {"depth_model": unknown | {"geometry": {}}, "imported": {"file": "x.pt"}}
+    ScaleHead(head.network, about, head.mean, head.factor).save(work.store, "heads/theirs")
+    if normalize:
+        with pytest.raises(RsaDataError, match="options"):
+            evaluate(work, head="theirs")
+        return
+    found = evaluate(work, head="theirs")
+    rows = {row.method: row.mean for row in found.rows}
+    own = {row.method: row.mean for row in evaluate(work).rows}
+    assert rows == own
+    assert "The head was imported" in found.summary and "Zero-shot" not in found.summary
 
 
 def test_one_scene_gives_no_interval(work):

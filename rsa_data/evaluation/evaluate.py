@@ -47,6 +47,8 @@ def evaluate(
     external: tuple[str, ...] = (),
     protocol: str = "rsa",
     split: str = "test",
+    style: str | None = None,
+    depth_model: str | None = None,
     compare: str | None = None,
     draws: int = 1000,
 ) -> Evaluation:
@@ -62,6 +64,8 @@ def evaluate(
         or below DIR/DATASET where there are several.
     protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
     split : what to evaluate on; its depth must be stored as whole maps.
+    style : caption style, where the head does not say (an imported one) and there are several.
+    depth_model : relative-depth model, as style.
     compare : paper adds the paper's rows where the conditions are the same, and says why not.
     draws : resamplings of scenes for the confidence intervals; 0 for none.
 
@@ -81,7 +85,10 @@ def evaluate(
     }
     about = heads[head].description
     names = with_split(work, datasets, split)
-    tables = {name: tables_of(work, other.description, names) for name, other in heads.items()}
+    tables = {
+        name: tables_of(work, other.description, names, style, depth_model)
+        for name, other in heads.items()
+    }
     ranges = {name: rules_of(work, name, protocol) for name in names}
     depths = {name: source.depth for name, source in tables[head].items()}
     limits = {name: (rule.min_depth, rule.max_depth) for name, rule in ranges.items()}
@@ -137,7 +144,12 @@ def notes(about: Mapping[str, Any], rows: Sequence[Row], protocol: str) -> list[
     said = ["Mean over images; in brackets the 95% interval, whole scenes drawn with replacement."]
     trained = about.get("datasets", {})
     names = list(dict.fromkeys(row.dataset for row in rows))
-    if zero := [name for name in names if name not in trained]:
+    if "imported" in about:
+        said.append(
+            "The head was imported: its file does not say which captions and depth model it was "
+            "trained for; it is right only with those of its authors."
+        )
+    elif zero := [name for name in names if name not in trained]:
         said.append(f"Zero-shot (the head was not trained on it): {', '.join(zero)}.")
     for name in names:
         own = [row for row in rows if row.dataset == name]

@@ -38,31 +38,55 @@ def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:
     return chosen
 
 
-def tables_of(work: Work, about: Mapping[str, Any], names: Sequence[str]) -> "dict[str, Source]":
+def tables_of(
+    work: Work,
+    about: Mapping[str, Any],
+    names: Sequence[str],
+    style: str | None = None,
+    depth_model: str | None = None,
+) -> "dict[str, Source]":
     """The tables of each dataset that the head described by `about` can be evaluated with.
 
-    Raises RsaDataError when they are missing, or made otherwise than those it was trained on.
+    style, depth_model : where the head does not say (an imported one), and several are there.
+    Raises RsaDataError when tables are missing, or made otherwise than those it was trained on; an
+    imported head is held to what is known of it.
     """
     from ..heads import belong
 
     features, model = about["features"], about["depth_model"]
-    sources = belong.sources(work, names, features["style"], features["encoder"], model["model"])
+    sources = belong.sources(
+        work,
+        names,
+        features["style"] or style,
+        features["encoder"],
+        model["model"] or depth_model,
+    )
     for source in sources:
         depth = work.table(source.dataset, source.depth)
-        trained = {k: v for k, v in features.items() if k not in ("dim", "widths")}
-        belong.same(
+        _same(
             "head and embeddings",
-            {
-                "the head": trained,
-                f"{source.dataset}/{source.embeddings}": belong.features_of(work, source),
-            },
+            {k: v for k, v in features.items() if k not in ("dim", "widths")},
+            f"{source.dataset}/{source.embeddings}",
+            belong.features_of(work, source),
         )
         found, geometry = belong.depth_identity(depth)
         wanted = {k: v for k, v in model.items() if k != "geometry"}
-        belong.same("head and depth", {"the head": wanted, str(depth): found})
+        _same("head and depth", wanted, str(depth), found)
         if (trained_at := model["geometry"].get(source.dataset)) is not None:
             belong.same("head and depth", {"the head": trained_at, str(depth): geometry})
     return {source.dataset: source for source in sources}
+
+
+def _same(kind: str, wanted: dict[str, Any], where: str, found: dict[str, Any]) -> None:
+    """Raises RsaDataError unless both are the same in all that the head says of itself."""
+    from ..heads import belong
+
+    if any(value is None for value in wanted.values()):
+        wanted = {key: value for key, value in wanted.items() if value is not None}
+        found = {key: found.get(key) for key in wanted}
+        if "options" in wanted:
+            found["options"] = {k: v for k, v in found["options"].items() if k in wanted["options"]}
+    belong.same(kind, {"the head": wanted, where: found})
 
 
 def rules_of(work: Work, name: str, protocol: str) -> Rules:
