@@ -32,7 +32,7 @@ class Summary:
     done : parts made in this run; kept : parts that were there; stale : of the parts made, those
         made again because their input had changed; undone : parts left for a later run, with why.
     rows, ok, failed, skipped, bytes : of the selected parts. seconds : of this run.
-    worked : input rows that this run went through, for the rate.
+    worked : samples or texts that this run accounted for, for the rate.
     notes : what the stage has to say of its output, in sentences.
     """
 
@@ -121,7 +121,7 @@ def run(
         stale=len(stale),
         undone=undone,
         seconds=time.monotonic() - begun,
-        worked=sum(size for n, size in sizes.items() if n not in undone),
+        worked=sum(units(output.receipt(n)) for n in sizes if n not in undone),
         reasons=reasons(job, [n for n in numbers if n not in undone]) if total["failed"] else [],
         notes=stages.notes(job, [r["part"] for r in receipts]) if tasks else [],
         **total,
