@@ -1,6 +1,7 @@
 """Relative depth that lies in files: one .npy or 16-bit PNG an image."""
 
 import io
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from ..datasets import Dataset
 from ..errors import RowError, UsageError
-from ..images import read_bytes
+from ..images import MAX_PIXELS, read_bytes
 from . import Relative, Source
 
 
@@ -65,7 +66,9 @@ def inverse(depth: np.ndarray) -> np.ndarray:
 def _array(path: Path, name: str) -> np.ndarray:
     try:
         values = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+    except RowError as error:
+        raise RowError(f"{name}: {error}") from error
+    except Exception as error:  # a damaged header raises anything from SyntaxError to MemoryError
         raise RowError(f"{name}: not a readable .npy array") from error
     values = np.squeeze(values)
     if values.ndim != 2 or values.dtype.kind not in "fiu" or not values.size:
@@ -79,7 +82,11 @@ def _array(path: Path, name: str) -> np.ndarray:
 def _png(path: Path, name: str) -> np.ndarray:
     import cv2
 
-    values = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
+    data = read_bytes(path)
+    # Width and height stand here in every PNG: a small file can announce more than memory holds.
+    width, height = struct.unpack(">II", data[16:24].ljust(8, b"\0"))
+    small = width * height <= MAX_PIXELS
+    values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if small else None
     if values is None:
         raise RowError(f"{name}: not a readable PNG")
     if values.dtype != np.uint16 or values.ndim != 2:

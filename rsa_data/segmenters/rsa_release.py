@@ -14,6 +14,9 @@ from ..errors import RowError, RsaDataError
 from ..progress import advance
 from . import Segments, classes, to_table
 
+# Characters. Tokenizers take time by the square of a word's length.
+LONGEST_NAME = 200
+
 # Folder of the release -> our dataset, where the names differ.
 _FOLDERS = {"nyuv2": "nyu"}
 
@@ -138,7 +141,13 @@ def parse(lines: list[str]) -> Segments:
             area = -1.0
         if not 0 <= area <= 1:
             raise RowError(f"line {number}: area must be a number in [0, 1], found {words[-1]!r}")
-        labels.append(" ".join(words[:-1]))
+        label = " ".join(words[:-1])
+        if len(label) > LONGEST_NAME:
+            raise RowError(
+                f"line {number}: class name of {len(label)} characters: expected at most "
+                f"{LONGEST_NAME}"
+            )
+        labels.append(label)
         areas.append(area)
     count = len(labels)
     return Segments(
