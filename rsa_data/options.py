@@ -101,7 +101,9 @@ def click_options(function: Callable[..., Any], hidden: tuple[str, ...] = ()) ->
                 continue
             kinds = [k for k in _choices(parameter.annotation) if k is not type(None)]
             required = parameter.default is parameter.empty
-            extra: dict[str, Any] = {"help": help_text(function, name), "required": required}
+            text = help_text(function, name)
+            sentence = text[:1].upper() + text[1:] + ("." if text else "")
+            extra: dict[str, Any] = {"help": sentence, "required": required}
             flag = "--" + name.replace("_", "-")
             if not required:
                 extra |= {"default": parameter.default}

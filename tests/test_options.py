@@ -86,4 +86,4 @@ def test_a_command_from_a_signature():
     assert run(command, []).output == "('red', 2, None, None, False)\n"
     given = ["--colour", "blue", "--share", "0.5", "--file", "x", "--dry"]
     assert run(command, given).output == f"('blue', 2, 0.5, {Path('x')!r}, True)\n"
-    assert "how many times it is painted" in run(command, ["--help"]).output
+    assert "How many times it is painted." in run(command, ["--help"]).output
