@@ -67,7 +67,7 @@ def summary_lines(stage: str, dataset: str, summary: Summary) -> list[str]:
     if summary.stale:
         lines.append(f"  {_parts(summary.stale)} made again because their input had changed")
     for reason, count in summary.reasons:
-        lines.append(f"  failed {count:,} times: {reason}")
+        lines.append(f"  failed {count:,} times, such as: {reason}")
     if summary.failed:
         lines.append("  mend the input, then: rsa-data retry-failed")
     lines += [f"  {note}" for note in summary.notes]

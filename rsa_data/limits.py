@@ -40,7 +40,7 @@ def check_failures(
     else:
         too_many, limit = seen >= _ENOUGH_ROWS and failed > most * seen, f"{most:.3g} of the rows"
     if too_many:
-        why = "; ".join(f"{count:,} times: {reason}" for reason, count in reasons())
+        why = "; ".join(f"{count:,} times, such as: {reason}" for reason, count in reasons())
         raise RsaDataError(
             f"stopped: {failed:,} of {seen:,} rows failed, more than --max-failures {limit}. "
             f"{why}. Finished parts are kept. Mend the input, run `rsa-data retry-failed`, then "

@@ -1,8 +1,11 @@
 """One run of a row stage over one dataset: what is to do, doing it, and what came of it."""
 
+import re
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 from typing import Any, Protocol
 
 import pyarrow.compute as pc
@@ -253,14 +256,21 @@ def select(
 
 
 def reasons(job: Job, numbers: list[int], most: int = 3) -> list[tuple[str, int]]:
-    """The most frequent reasons of failed rows, with how often each occurs."""
-    counts: dict[str, int] = {}
+    """The most frequent reasons of failed rows, with how often each occurs.
+
+    Reasons that differ by file name and numbers only count as one, told by its first row.
+    """
+    first: dict[str, str] = {}
+    counts: Counter[str] = Counter()
     table = job.table(job.output)
     for number in numbers:
         if not table.receipt(number)["failed"]:
             continue
-        part = table.read(number, columns=["status", "error"])
-        errors = part.filter(pc.equal(part["status"], "failed"))["error"]
-        for pair in pc.value_counts(errors.combine_chunks()).to_pylist():
-            counts[pair["values"]] = counts.get(pair["values"], 0) + pair["counts"]
-    return sorted(counts.items(), key=lambda pair: (-pair[1], pair[0]))[:most]
+        part = table.read(number, columns=["sample_id", "status", "error"])
+        for row in part.filter(pc.equal(part["status"], "failed")).to_pylist():
+            name = PurePosixPath(row["sample_id"]).name
+            kind = re.sub(r"\d+", "0", re.sub(r"\S*" + re.escape(name) + r"\S*", "", row["error"]))
+            first.setdefault(kind, row["error"])
+            counts[kind] += 1
+    order = sorted(counts, key=lambda kind: (-counts[kind], first[kind]))
+    return [(first[kind], counts[kind]) for kind in order[:most]]
