@@ -24,9 +24,10 @@ from rsa_data.errors import RsaDataError, UsageError
 from rsa_data.segmenters import coco_panoptic
 from rsa_data.synthetic.builder import categories
 from rsa_data.synthetic.relative import FACTOR
-from rsa_data.synthetic.render import BOX, ELLIPSOID, GABLE, Camera, Solid, render
+from rsa_data.synthetic.render import render
 from rsa_data.synthetic.scenes import INDOOR, STREET, shoot
 from rsa_data.synthetic.sizes import SIZES
+from rsa_data.synthetic.solids import BOX, ELLIPSOID, GABLE, Camera, Solid
 
 BUILDERS = [synthetic_indoor, synthetic_street]
 SMALL = {"scenes": 3, "test_scenes": 2}

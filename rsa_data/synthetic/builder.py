@@ -10,8 +10,8 @@ import numpy as np
 
 from ..segmenters import classes
 from . import furniture, outdoors
-from .render import Solid
 from .sizes import Size, draw_size
+from .solids import Solid
 
 # Cloth, lacquer and plaster: muted, so that a scene looks like one.
 _COLOURS = (

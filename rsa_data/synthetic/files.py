@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from ..errors import RsaDataError
 from .builder import categories
@@ -71,9 +72,13 @@ def write(root: Path, recipe: Recipe, world: World, units: int) -> None:
         return
     try:
         _claim(root, recipe)
-        for split, place, number, keys in recipe.images():
-            if all((root / split / "records" / f"{key}.json").is_file() for key in keys):
-                continue
+        todo = [
+            scene
+            for scene in recipe.images()
+            if not all((root / scene[0] / "records" / f"{key}.json").is_file() for key in scene[3])
+        ]
+        shown = tqdm(todo, f"{recipe.name} render", unit=" scenes", leave=False, disable=None)
+        for split, place, number, keys in shown:
             shots = shoot(world, (recipe.seed, place, number), len(keys))
             for key, shot in zip(keys, shots, strict=True):
                 _write_shot(root, split, key, shot, units)

@@ -1,8 +1,8 @@
 """Shapes of furniture and what lies on it."""
 
 from .parts import DARK, LEAF, STEEL, WHITE, WOOD, Colour, Shape, block, legs, plain, tinted
-from .render import ELLIPSOID, Solid
 from .sizes import Size
+from .solids import ELLIPSOID, Solid
 
 
 def _seat(size: Size, colour: Colour) -> list[Solid]:

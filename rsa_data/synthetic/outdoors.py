@@ -1,8 +1,8 @@
 """Shapes of vehicles, which drive to +y, buildings, plants and people."""
 
 from .parts import DARK, SKIN, STEEL, WHITE, Colour, Shape, block, paler, plain
-from .render import ELLIPSOID, GABLE, Solid
 from .sizes import Size
+from .solids import ELLIPSOID, GABLE, Solid
 
 
 def _tree(size: Size, colour: Colour) -> list[Solid]:

@@ -6,8 +6,8 @@ right, y to the back (the front looks to -y), z up. `Solid.segment` is filled in
 
 from collections.abc import Callable
 
-from .render import BOX, Solid
 from .sizes import Size
+from .solids import BOX, Solid
 
 Colour = tuple[float, float, float]
 Shape = Callable[[Size, Colour], list[Solid]]

@@ -1,58 +1,13 @@
-"""A ray caster for scenes of boxes, ellipsoids and gables: image, segment ids and metric depth.
+"""A ray caster for scenes of boxes, ellipsoids and gables: image, segment ids and metric depth."""
 
-World: x to the right, y forward, z up, metres, the ground at z = 0.
-"""
-
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from .textures import textured
+from .shading import shade
+from .solids import BOX, ELLIPSOID, GABLE, Camera, Solid
 
-BOX, ELLIPSOID, GABLE = "box", "ellipsoid", "gable"
 _NEAR = 0.05  # m, nothing is nearer to a camera than this
-
-
-class Solid(NamedTuple):
-    """A convex body, turned about the vertical axis only.
-
-    shape : BOX, ELLIPSOID, or GABLE (a roof whose ridge runs along local x).
-    centre, half : m, world position of the middle and half the extent along the local axes.
-    yaw : rad, from world x to local x, anticlockwise seen from above.
-    colour : red, green, blue, 0 to 1.
-    texture : a name of textures.TEXTURES, or "".
-    segment : id of the segment that it belongs to, 1 and up.
-    """
-
-    shape: str
-    centre: tuple[float, float, float]
-    half: tuple[float, float, float]
-    yaw: float
-    colour: tuple[float, float, float]
-    texture: str
-    segment: int
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A pinhole camera without roll, its principal point in the middle of the image.
-
-    position : m. yaw : rad, anticlockwise from world y. pitch : rad, upwards. focal, width,
-    height : px.
-    """
-
-    position: tuple[float, float, float]
-    yaw: float
-    pitch: float
-    focal: float
-    width: int
-    height: int
-
-    def axes(self) -> np.ndarray:
-        """float64 of shape (3, 3): right, down and forward as rows, unit vectors of the world."""
-        cy, sy, cp, sp = np.cos(self.yaw), np.sin(self.yaw), np.cos(self.pitch), np.sin(self.pitch)
-        return np.array([[cy, sy, 0], [-sy * sp, cy * sp, -cp], [-sy * cp, cy * cp, sp]])
 
 
 class View(NamedTuple):
@@ -94,7 +49,7 @@ def render(
         depth[window][closer] = t[closer]
         index[window][closer] = i
         normal[(slice(None), *window)][:, closer] = n[:, closer]
-    image = _shade(solids, camera, rays, depth, index, normal, outdoors, rng)
+    image = shade(solids, camera, rays, depth, index, normal, outdoors, rng)
     ids = np.array([s.segment for s in solids] + [0], np.int32)[index]
     return View(image, ids, depth)
 
@@ -187,81 +142,3 @@ def _cast_gable(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> tuple
 
 
 _CAST = {BOX: _cast_box, ELLIPSOID: _cast_ellipsoid, GABLE: _cast_gable}
-
-
-def _shade(solids, camera, rays, depth, index, normal, outdoors, rng) -> np.ndarray:
-    """uint8 of shape (h, w, 3), RGB: one lamp or sun, contact shadows, haze, grain."""
-    import cv2
-
-    hit = index >= 0
-    i = index[hit]
-    point = rays[:, hit] * depth[hit] + np.array(camera.position, np.float32)[:, None]  # (3, n)
-    centre, half, colour, yaw = (
-        np.array([getattr(s, name) for s in solids], np.float32).T
-        for name in ("centre", "half", "colour", "yaw")
-    )
-    c, s = np.cos(yaw)[i], np.sin(yaw)[i]
-    x, y, z = point - centre[:, i]
-    local = np.stack([c * x + s * y, c * y - s * x, z])
-    n = normal[:, hit]
-    paint = textured([s.texture for s in solids], i, local, half[:, i], n, colour[:, i], depth[hit])
-    n = np.stack([c * n[0] - s * n[1], s * n[0] + c * n[1], n[2]])
-    light = (
-        np.array([-0.35, -0.55, 0.76], np.float32)
-        if outdoors
-        else np.array([0.30, -0.50, 0.55], np.float32)
-    )
-    bright = (0.66 if outdoors else 0.70) + 0.40 * np.maximum(light @ n, 0) + 0.06 * n[0]
-    bright *= _contact(solids, point, n, reach=0.6 if outdoors else 0.22)
-    if not outdoors:
-        bright *= 0.72 + 0.28 / (1 + (depth[hit] / 12) ** 2)
-    paint = paint * bright
-    sky = _sky(rays) if outdoors else np.zeros_like(rays)
-    if outdoors:
-        haze = 1 - np.exp(-depth[hit] / 260)
-        paint = paint * (1 - haze) + haze * np.array([[0.80], [0.86], [0.92]], np.float32)
-    canvas = sky
-    canvas[:, hit] = paint
-    canvas = np.ascontiguousarray(canvas.transpose(1, 2, 0))  # (h, w, 3)
-    canvas = _smooth_edges(canvas, index, cv2)
-    canvas += rng.standard_normal(index.shape, np.float32)[..., None] * 0.008
-    return (np.clip(canvas, 0, 1) * 255 + 0.5).astype(np.uint8)
-
-
-def _contact(solids, point: np.ndarray, normal: np.ndarray, reach: float) -> np.ndarray:
-    """float32 of shape (n,), 0 to 1: darkens the ground around what stands on it."""
-    shadow = np.ones(point.shape[1], np.float32)
-    ground = np.flatnonzero((normal[2] > 0.9) & (np.abs(point[2]) < 0.12))
-    if not len(ground):
-        return shadow
-    x, y = point[0, ground], point[1, ground]
-    dark = np.ones(len(ground), np.float32)
-    for solid in solids:
-        bottom = solid.centre[2] - solid.half[2]
-        if not -0.01 <= bottom < 0.6 or solid.half[2] < 0.05 or max(solid.half[:2]) > 12:
-            continue
-        c, s = np.cos(solid.yaw), np.sin(solid.yaw)
-        dx, dy = x - np.float32(solid.centre[0]), y - np.float32(solid.centre[1])
-        outside_x = np.maximum(np.abs(c * dx + s * dy) - solid.half[0], 0)
-        outside_y = np.maximum(np.abs(c * dy - s * dx) - solid.half[1], 0)
-        depth = 0.42 * np.exp(-bottom / 0.3)
-        dark *= 1 - np.float32(depth) * np.exp(-(outside_x + outside_y) / np.float32(reach))
-    shadow[ground] = np.maximum(dark, 0.35)
-    return shadow
-
-
-def _sky(rays: np.ndarray) -> np.ndarray:
-    """float32 of shape (3, h, w): pale at the horizon, blue above."""
-    up = np.clip(rays[2] * 1.6, 0, 1) ** 0.7
-    low, high = np.array([0.84, 0.89, 0.94]), np.array([0.42, 0.62, 0.88])
-    return (low[:, None, None] * (1 - up) + high[:, None, None] * up).astype(np.float32)
-
-
-def _smooth_edges(canvas: np.ndarray, index: np.ndarray, cv2) -> np.ndarray:
-    """Mixes each pixel at an outline with its neighbours: one ray a pixel leaves stairs."""
-    edge = np.zeros(index.shape, bool)
-    edge[:, 1:] |= index[:, 1:] != index[:, :-1]
-    edge[1:] |= index[1:] != index[:-1]
-    soft = cv2.GaussianBlur(canvas, (3, 3), 0.8)
-    canvas[edge] = soft[edge]
-    return canvas

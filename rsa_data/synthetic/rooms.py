@@ -11,8 +11,8 @@ import numpy as np
 
 from .builder import Builder, read_kinds
 from .parts import Colour
-from .render import BOX, Camera, Solid
 from .sizes import draw_size
+from .solids import BOX, Camera, Solid
 
 Range = tuple[float, float]
 Place = tuple[float, float, float]

@@ -7,8 +7,9 @@ import numpy as np
 
 from .builder import Builder
 from .relative import relative_depth
-from .render import Camera, View, render
+from .render import View, render
 from .rooms import room
+from .solids import Camera
 from .streets import street
 
 

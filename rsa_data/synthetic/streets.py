@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 
 from .builder import Builder, read_kinds
-from .render import BOX, Camera, Solid
 from .sizes import draw_size
+from .solids import BOX, Camera, Solid
 
 Range = tuple[float, float]
 
