@@ -111,10 +111,11 @@ class Job:
 def name_of(choice: str) -> str:
     """`rsa-release` of `rsa-release:DIR`: the part of a choice that says what, not where.
 
-    The argument of `hf:NAME` is what was chosen, so its last component stays, as `hf-NAME`.
+    The argument of `hf:NAME` and `files:DIR` (depth of some model) is what was chosen, so its last
+    component stays, as `hf-NAME`.
     """
     name, _, argument = choice.partition(":")
-    return f"hf-{Path(argument).name}" if name == "hf" else name
+    return f"{name}-{Path(argument).name}" if argument and name in ("hf", "files") else name
 
 
 def choose(work: Work, dataset: str, kind: str, wanted: str | None, option: str) -> str:

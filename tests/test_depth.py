@@ -10,11 +10,12 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsa_data import tables
+from rsa_data import stages, tables
 from rsa_data.datasets import Dataset
 from rsa_data.depth import Relative, files, fits, onnx, pixels
 from rsa_data.depth.measure import at_size, build
-from rsa_data.errors import RowError, UsageError
+from rsa_data.depth.measure import files as model_files
+from rsa_data.errors import RowError, RsaDataError, UsageError
 
 
 def read_millimetres(path):
@@ -306,3 +307,44 @@ def test_a_real_model_on_real_frames(shared):
     assert train["n_valid"] == test["n_valid"] == valid.sum() > 150_000
     slope, intercept, *_ = scipy.stats.linregress(y[valid], 1 / gt[valid])
     assert (train["fit_scale"], train["fit_shift"]) == pytest.approx((slope, intercept), rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"depth_model": "tu2021"}, "Did you mean 'tu2020'"),
+        ({"depth_model": "tu2020:x"}, "takes no argument"),
+        ({"depth_model": "tu2020", "geometry": "12"}, "WIDTHxHEIGHT"),
+        ({"depth_model": "files:/no/such/folder"}, "no such folder"),
+    ],
+    ids=["name", "argument", "geometry", "folder"],
+)
+def test_a_wrong_call_is_refused_before_anything_is_begun(options, says):
+    with pytest.raises(UsageError, match=says):
+        model_files(**options)
+
+
+def test_no_pixels_are_refused(rooms):
+    with pytest.raises(UsageError, match="pixels"):
+        step(rooms, pixels=0)
+
+
+@pytest.mark.parametrize(
+    ("output", "says"),
+    [(np.zeros((1, 3549, 85)), "one map of depth"), (None, "Is --weights the file")],
+    ids=["another output", "another input"],
+)
+def test_a_file_of_another_model_is_refused(output, says):
+    class Session:
+        def run(self, names, inputs):
+            if output is None:
+                raise RuntimeError("INVALID_ARGUMENT: Got 224 Expected 416")
+            return [output]
+
+    with pytest.raises(RsaDataError, match=says):
+        onnx.answer(Session(), "x", np.zeros((1, 3, 224, 224), np.float32), "tu2020")
+
+
+def test_folders_of_depth_files_are_tables_of_their_own():
+    assert stages.name_of("files") == "files"
+    assert stages.name_of("files:a/zoe/") == "files-zoe"

@@ -7,7 +7,6 @@ import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsa_data.datasets import Dataset
 from rsa_data.depth.measure import at_size
 from rsa_data.depth.onnx import build
 from rsa_data.evaluation import constants, oracles
@@ -106,11 +105,8 @@ FRAMES = {
 @pytest.mark.parametrize(("image", "depth", "unit", "far"), FRAMES.values(), ids=FRAMES)
 def test_oracles_on_real_frames_equal_scipy(shared, image, depth, unit, far):
     root = shared / "rgbd"
-    dataset = Dataset("any", lambda root, split: None, lambda path: None, 1e-3, far)
     source = build(
         name="tu2020",
-        argument="",
-        dataset=dataset,
         root=root,
         weights=shared / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
         geometry=None,

@@ -21,8 +21,6 @@ def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) 
     """
     if argument:
         folder = Path(argument)
-        if not folder.is_dir():
-            raise UsageError(f"depth model files:{argument}: there is no such folder")
         return lambda image: read(folder, str(Path(image).with_suffix("")), holds)
     of_dataset = dataset.relative
     if of_dataset is None:

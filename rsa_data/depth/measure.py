@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from .. import registry, tables
 from ..datasets import Dataset
-from ..errors import RowError
+from ..errors import RowError, UsageError
 from ..progress import advance
 from . import Relative, Source
 from .fits import inverse_fit, median_scale
@@ -48,6 +48,8 @@ def build(
     threads : CPU threads of the model in each worker.
     """
     name, _, argument = depth_model.partition(":")
+    if not 1 <= pixels <= 2**20:
+        raise UsageError(f"depth: pixels: expected 1 to 1,048,576, found {pixels}")
     source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, name)(
         name=name,
         argument=argument,
@@ -73,13 +75,27 @@ def build(
     return step
 
 
-def files(*, depth_model: str, weights: Path | None = None, **_: Any) -> dict[str, Path]:
-    """The model file that these options read; none for depth that lies in files."""
-    if depth_model.partition(":")[0] == "files":
-        return {}
-    from .onnx import model_file
+def files(
+    *, depth_model: str, weights: Path | None = None, geometry: str | None = None, **_: Any
+) -> dict[str, Path]:
+    """The model file that these options read; none for depth that lies in files.
 
-    return {"model": model_file(depth_model, weights)}
+    Raises UsageError for options that do not go together, before anything is begun.
+    """
+    name, _colon, argument = depth_model.partition(":")
+    if name not in registry.DEPTH_MODELS:
+        raise registry.unknown("depth model", name, registry.DEPTH_MODELS)
+    if name == "files":
+        if argument and not Path(argument).is_dir():
+            raise UsageError(f"depth model {depth_model}: there is no such folder")
+        return {}
+    from .onnx import fixed, model_file
+
+    if argument:
+        raise UsageError(f"depth model {name}: takes no argument, found {argument!r}")
+    if geometry is not None:
+        fixed(geometry)
+    return {"model": model_file(name, weights)}
 
 
 def _row(
@@ -101,7 +117,10 @@ def _row(
         except RowError as error:
             raise RowError(f"{sample['depth']}: {error}") from error
         relative = source(sample["image"])
-        return row | _measure(sample["sample_id"], depth, relative, dataset, pixels, seed)
+        try:
+            return row | _measure(sample["sample_id"], depth, relative, dataset, pixels, seed)
+        except RowError as error:
+            raise RowError(f"{sample['depth']}: {error}") from error
     except RowError as error:
         return row | {"status": "failed", "error": str(error)}
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import images
-from ..errors import RowError, UsageError
+from ..errors import RowError, RsaDataError, UsageError
 from ..models import Card, card_of, local_file, open_session
 from . import Relative, Source
 from .files import inverse
@@ -20,7 +20,6 @@ KB_CROP = (352, 1216)
 def build(
     *,
     name: str,
-    argument: str,
     root: Path,
     weights: Path | None,
     geometry: str | None,
@@ -29,8 +28,6 @@ def build(
     **_: Any,
 ) -> Source:
     """A session on the model's file, and the reader of images below `root`; see measure.build."""
-    if argument:
-        raise UsageError(f"depth model {name}: takes no argument, found {argument!r}")
     card = card_of("relative-depth", name)
     session = open_session(model_file(name, weights), threads)
     resize = fixed(geometry) if geometry else RESIZES[card["resize"]](card)
@@ -43,8 +40,7 @@ def build(
             seen, part = resize(cut(image, box))
         except RowError as error:
             raise RowError(f"{path}: {error}") from error
-        output = session.run(None, {name_in: normalise(seen, card)})[0]
-        y = np.asarray(output, np.float32).reshape(output.shape[-2:])
+        y = answer(session, name_in, normalise(seen, card), name)
         return Relative(inverse(y) if card["output"] == "depth" else y, inside(box, part))
 
     return source
@@ -53,6 +49,31 @@ def build(
 def model_file(name: str, weights: Path | None) -> Path:
     """The weights given, or the card's file: from the cache, downloaded and checked if need be."""
     return local_file(card_of("relative-depth", name), weights)
+
+
+def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.ndarray:
+    """What a session says of one image's pixels: float32 of shape (height, width).
+
+    Raises RsaDataError when the file cannot be of this model: it takes or gives another shape.
+    """
+    try:
+        output = np.asarray(session.run(None, {name_in: pixels})[0])
+    # onnxruntime's errors have no common base but Exception.
+    except Exception as error:
+        reason = " ".join(str(error).split())[:300]
+        raise RsaDataError(
+            f"depth model {model}: expected a file that takes {pixels.shape[3]}x{pixels.shape[2]} "
+            f"px; found: {reason}. Is --weights the file of this model, --geometry one it takes?"
+        ) from error
+    shape = output.shape[-2:] if output.ndim >= 2 else (0, 0)
+    stretched = np.divide(shape, pixels.shape[2:])
+    # A map of depth may be smaller than the image, but has its shape.
+    if output.size != np.prod(shape) or not 0.8 < stretched[0] / max(stretched[1], 1e-9) < 1.25:
+        raise RsaDataError(
+            f"depth model {model}: expected one map of depth; found an output of shape "
+            f"{output.shape}. Is --weights the file of this model?"
+        )
+    return output.astype(np.float32).reshape(output.shape[-2:])
 
 
 Box = tuple[float, float, float, float]
