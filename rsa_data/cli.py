@@ -31,6 +31,7 @@ COMMANDS = {
     "verify": "rsa_data.commands.look:verify",
     "show": "rsa_data.commands.look:show",
     "report": "rsa_data.commands.report:report",
+    "play": "rsa_data.commands.play:play",
     "export": "rsa_data.commands.export:export",
     "list": "rsa_data.commands.look:list_names",
     "demo": "rsa_data.commands.demo:demo",
@@ -55,7 +56,9 @@ class Group(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
 @click.version_option(package_name="rsa-data")
 def cli() -> None:
     """Captions, text embeddings and a light head that make relative depth metric.

@@ -118,6 +118,7 @@ _EXTRAS = {
     "onnxscript": "export",
     "onnx": "export",
     "boto3": "s3",
+    "nicegui": "play",
 }
 
 
