@@ -1,10 +1,14 @@
 """Use of a head: captions, known points, ranges, frames, and the files that come out."""
 
+import json
+import shutil
+
 import cv2
 import numpy as np
 import pytest
 import scipy.optimize
 import torch
+from click.testing import CliRunner
 
 from rsa_data.errors import RsaDataError, UsageError
 from rsa_data.heads import refine
@@ -210,3 +214,73 @@ def test_ply_holds_points_in_front_of_the_camera(tmp_path):
     points = np.frombuffer(body, kind)
     np.testing.assert_allclose(points["xyz"], [[-0.5, -0.25, 2.0], [1.0, 0.5, 4.0]])
     assert points["rgb"].tolist() == [[0, 1, 2], [9, 10, 11]]
+
+
+def head_for_images(work: Work) -> None:
+    """The head of `work`, with the captions and the depth model of a real training."""
+    path = work.store.folder / "heads/head/head.json"
+    about = json.loads(path.read_text())
+    about["captions"] = {"rooms": {"style": "occupancy", "variants": 5, "tokenizer": "minilm"}}
+    geometry = {"rooms": {"geometry": None, "crop": "none"}}
+    about["depth_model"] = {"model": "tu2020", "options": {}, "files": {}, "geometry": geometry}
+    path.write_text(json.dumps(about))
+
+
+def test_an_image_is_described_by_a_detector_and_made_metric(work, shared, tmp_path):
+    head_for_images(work)
+    image = shared / "rgbd/misc/emsanet_rgb.png"
+    models = shared / "models"
+    (p,) = predict(
+        work,
+        image=image,
+        segmenter="yolox-nano",
+        segmenter_model=models / "yolox_nano.onnx",
+        depth_weights=models / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
+        intrinsics="570,570,320,240",
+        out=tmp_path / "room.ply",
+    ).predictions
+    assert p.name == "emsanet_rgb.png" and "couch" in p.caption
+    header = (tmp_path / "room.ply").read_bytes().partition(b"end_header")[0]
+    assert int(header.split(b"element vertex ")[1].split()[0]) > 10_000
+
+
+def test_a_folder_of_frames_is_smoothed_and_keeps_its_names(work, shared, tmp_path):
+    head_for_images(work)
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    for i in (0, 10, 20):
+        name = f"frame-{i:06d}.color.jpg"
+        shutil.copy(shared / "rgbd/7scenes" / name, frames / name)
+    models = shared / "models"
+    given = {
+        "image": frames,
+        "segmenter": "yolox-nano",
+        "segmenter_model": models / "yolox_nano.onnx",
+        "depth_weights": models / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
+    }
+    raw = predict(work, **given).predictions
+    smoothed = predict(work, **given, smooth=3, out=tmp_path / "o").predictions
+    mean = np.exp(np.mean(np.log([p.scale for p in raw])))
+    assert smoothed[1].scale == pytest.approx(mean, rel=1e-5)
+    assert sorted(f.name for f in (tmp_path / "o").iterdir()) == [
+        f"frame-{i:06d}.color.npy" for i in (0, 10, 20)
+    ]
+
+
+def test_a_head_of_depth_files_asks_for_the_images_own(work, tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 5, 3), np.uint8))
+    with pytest.raises(UsageError, match="came from files: give the images' own with --relative"):
+        predict(work, caption=("a",), image=tmp_path / "a.png", out=tmp_path / "d.npy")
+
+
+def test_the_commands_print_what_came_of_it(work, shared):
+    from rsa_data.cli import cli
+
+    place = ["--work", work.store.location]
+    done = CliRunner().invoke(cli, ["predict", "--caption", "a kitchen", *place])
+    assert done.exit_code == 0 and done.output.startswith("scale ")
+    file = str(shared / "rsa_heads/da_lanscale.pt")
+    done = CliRunner().invoke(cli, ["import-head", file, "--name", "da", *place])
+    assert done.exit_code == 0, done.output
+    assert "test measures, nyu" in done.output and "abs_rel 0.1418" in done.output
+    assert ScaleHead.load(work.store.folder / "heads/da").description["imported"]["steps"] == 47500
