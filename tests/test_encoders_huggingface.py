@@ -8,7 +8,7 @@ import torch
 from test_encoders import captions
 
 from rsa_data import tables
-from rsa_data.encoders.embed import build
+from rsa_data.encoders.embed import build, encode
 from rsa_data.errors import RsaDataError, UsageError
 
 TEXTS = ["", "a", "a bed and a lamp", "lamp lamp bed", "bed " * 40]
@@ -142,6 +142,13 @@ def test_features_equal_transformers_text_by_text(save, tmp_path):
     assert table["truncated"].to_pylist() == [False] * 4 + [True]
     lengths = [12] * 5 if save is save_siglip else [2, 3, 7, 5, 12]
     assert table["n_tokens"].to_pylist() == lengths
+
+
+def test_a_head_finds_its_encoder_again_by_the_folder(tmp_path):
+    save_clip(tmp_path)
+    step = build(encoder=f"hf:{tmp_path}", runtime="torch", store="float32")
+    again = encode(TEXTS, encoder=f"hf-{tmp_path.name}", weights=tmp_path)
+    np.testing.assert_allclose(again, tables.embedding_array(step(captions(TEXTS))), atol=1e-6)
 
 
 def test_a_model_without_a_stated_pooling_is_refused(tmp_path):

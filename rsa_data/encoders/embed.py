@@ -170,7 +170,9 @@ def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
 
 
 def _encoder(encoder: str) -> Encoder[TextModel]:
-    return registry.resolve("encoder", registry.ENCODERS, encoder.partition(":")[0])
+    name = encoder.partition(":")[0]
+    # Tables and heads keep what `hf:DIR` was as `hf-NAME`; where it lies comes with `weights`.
+    return registry.resolve("encoder", registry.ENCODERS, "hf" if name.startswith("hf-") else name)
 
 
 def _runners(

@@ -18,7 +18,7 @@ from .pretrained import folder_files, folder_of, load_model, tokenize_with
 def named_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
     """The files of the model `hf:ARGUMENT`, or of the folder `weights`."""
     if argument is None and weights is None:
-        raise UsageError("encoder hf: expected a name or folder behind it, as in hf:NAME_OR_DIR")
+        raise UsageError("encoder hf: expected hf:NAME_OR_DIR, or the model's folder by --weights")
     return folder_files(folder_of(argument or "", weights))
 
 
