@@ -369,7 +369,7 @@ def main() -> int:
         ended = call(
             "depth", "--dataset", "folder:depths", "--root", base / "depths", *options, *model, *at
         )
-        bad += judge("depth", ended, "depths", "depth/files", whole)
+        bad += judge("depth", ended, "depths", "depth/files-relative", whole)
     print(f"{4 * each} broken inputs, {bad} problems")
     return 1 if bad else 0
 
