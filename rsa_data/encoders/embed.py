@@ -16,9 +16,6 @@ from .runtime import Device, Precision, Run, Runtime
 
 Step = Callable[[pa.Table], pa.Table]
 
-# A GPU wants larger batches than a CPU's cache does.
-_GPU_FACTOR = 64
-
 
 def build(
     *,
@@ -183,32 +180,10 @@ def _runners(
     device: Device,
     threads: int,
 ) -> tuple[Run, TextModel, Run]:
-    """How to run the encoder as asked for, the encoder, and how to run it in float32."""
-    from copy import deepcopy
-    from dataclasses import replace
-
-    import torch
-
-    from ..stages import file_sha256
-
-    where, on = runtime.choose(precision, wanted, device)
-    torch.set_num_threads(threads)
+    """As runtime.runners, from the names of the options."""
+    where = runtime.choose(precision, wanted, device)
     paths = files(encoder=encoder, weights=weights)
-    model = _encoder(encoder).load(paths)
-    if where == "onnx":
-        from .graphs import graph
-
-        sources = {name: file_sha256(str(path)) for name, path in paths.items()}
-        exact = runtime.in_onnx(graph(model, sources), threads)
-        rounded = precision == "int8"
-        run = runtime.in_onnx(graph(model, sources, int8=True), threads) if rounded else exact
-        return run, model, exact
-    if on == "cuda":
-        model = replace(model, budget=model.budget * _GPU_FACTOR)
-    exact = run = runtime.in_torch(model.module, "float32", on)
-    if precision != "float32":
-        run = runtime.in_torch(deepcopy(model.module), precision, on)
-    return run, model, exact
+    return runtime.runners(_encoder(encoder).load(paths), paths, precision, where, threads)
 
 
 def _all(run: Run, model: TextModel, ids: Ids) -> np.ndarray:

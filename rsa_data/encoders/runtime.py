@@ -1,16 +1,21 @@
 """Running an encoder: torch on a CPU or GPU, or ONNX Runtime on a CPU."""
 
 from collections.abc import Callable, Iterable, Iterator
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ..errors import UsageError
-from . import Batch
+from . import Batch, TextModel
 
 if TYPE_CHECKING:
     import torch
+
+# A GPU wants larger batches than a CPU's cache does.
+_GPU_FACTOR = 64
 
 Precision = Literal["float32", "float16", "bfloat16", "int8"]
 Runtime = Literal["auto", "torch", "onnx"]
@@ -49,6 +54,38 @@ def _can_export() -> bool:
     from importlib.util import find_spec
 
     return find_spec("onnx") is not None and find_spec("onnxscript") is not None
+
+
+def runners(
+    model: TextModel,
+    paths: dict[str, Path],
+    precision: Precision,
+    where: tuple[str, str],
+    threads: int,
+) -> tuple[Run, TextModel, Run]:
+    """How to run a model, the model with the batches that suit, and how to run it in float32.
+
+    paths : the files that the model was loaded from; a graph in the cache is theirs.
+    where : as `choose` gives it.
+    """
+    import torch
+
+    from ..stages import file_sha256
+
+    torch.set_num_threads(threads)
+    if where[0] == "onnx":
+        from .graphs import graph
+
+        sources = {name: file_sha256(str(path)) for name, path in paths.items()}
+        exact = in_onnx(graph(model, sources), threads)
+        run = in_onnx(graph(model, sources, int8=True), threads) if precision == "int8" else exact
+        return run, model, exact
+    if where[1] == "cuda":
+        model = replace(model, budget=model.budget * _GPU_FACTOR)
+    exact = run = in_torch(model.module, "float32", where[1])
+    if precision != "float32":
+        run = in_torch(deepcopy(model.module), precision, where[1])
+    return run, model, exact
 
 
 def in_torch(module: "torch.nn.Module", precision: Precision, device: str) -> Run:
