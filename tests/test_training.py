@@ -1,6 +1,7 @@
 """train-head: what it learns, what it refuses, and that a kill changes nothing."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from made_tables import DEPTH, ENCODER, write
 
 from rsa_data import ScaleHead, tables
 from rsa_data.errors import RsaDataError, UsageError
+from rsa_data.heads.settings import Settings, learning_rate
 from rsa_data.heads.training import train_head
 from rsa_data.parts import Work
 
@@ -299,3 +301,25 @@ def test_the_options_of_the_released_code_train(work):
     assert made["validation"]["abs_rel"]["nyuv2"] < 5
     with pytest.raises(UsageError, match="unknown dataset in --log-loss 'void'"):
         train_head(work, log_loss=("void",), name="x", **FAST)
+
+
+def test_a_training_that_blows_up_says_so_and_writes_no_head(work):
+    toy(work, "nyuv2")
+    with pytest.raises(RsaDataError, match=r"the loss is not finite any more in epoch 1.*--lr"):
+        train_head(work, **PAPER | {"lr": 1e30, "batch": 16}, warmup=0.0, clip=0.0)
+    assert "head.json" not in contents(work)
+
+
+@pytest.mark.parametrize(
+    ("schedule", "left"),
+    [
+        ("cosine", lambda done: (1 + math.cos(math.pi * done)) / 2),
+        ("polynomial", lambda done: (1 - done) ** 0.9),
+    ],
+)
+def test_the_learning_rate_rises_then_falls(schedule, left):
+    about = dict.fromkeys(Settings.__dataclass_fields__)
+    about |= {"schedule": schedule, "epochs": 8, "lr": 1.0, "end_lr": 0.1, "warmup": 1.0}
+    rates = [learning_rate(Settings(**about), epoch) for epoch in (0.49, 2, 4, 8)]
+    expected = [0.1 + 0.9 * left(epoch / 8) for epoch in (0.49, 2, 4, 8)]
+    np.testing.assert_allclose(rates, [expected[0] / 2, *expected[1:]], rtol=1e-12)

@@ -1,6 +1,5 @@
 """The optimisation itself: epochs over examples, best weights by validation, state that resumes."""
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -9,8 +8,10 @@ import numpy as np
 import torch
 from torch import nn
 
+from ..errors import RsaDataError
 from .examples import Examples
 from .losses import LOSSES, METRIC, depth, to_fit
+from .settings import Settings, learning_rate
 
 
 @dataclass
@@ -33,37 +34,6 @@ class State:
         """Epoch with the lowest validation AbsRel, the earliest if several; 0 before the first."""
         errors = [row["val_abs_rel"] for row in self.history]
         return 1 + int(np.argmin(errors)) if errors else 0
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How to train; `train_head` documents each.
-
-    log : bool for each dataset: its loss in a batch enters as its logarithm.
-    weight, unit, min_depth, max_depth : a number for each dataset: what multiplies the loss of its
-        images; what its metric errors are divided by, m; the range of its depth, m.
-    """
-
-    loss: str
-    supervision: str
-    optimizer: str
-    schedule: str
-    lr: float
-    end_lr: float
-    warmup: float
-    weight_decay: float
-    clip: float
-    epochs: int
-    batch: int
-    pixels: int
-    patience: int
-    precision: str
-    seed: int
-    log: np.ndarray
-    weight: np.ndarray
-    unit: np.ndarray
-    min_depth: np.ndarray
-    max_depth: np.ndarray
 
 
 def flatten(network: nn.Module) -> torch.Tensor:
@@ -140,6 +110,11 @@ def fit(
                 seen += len(batch[0])
                 state.steps += 1
                 tick(len(batch[0]))
+        if not np.isfinite(loss):
+            raise RsaDataError(
+                f"train-head: the loss is not finite any more in epoch {epoch + 1}: expected it to "
+                "fall. Lower --lr, or leave --clip and --initial as they are"
+            )
         slot = optimizer.state[row]
         state.weights = row.detach().clone()
         state.moment1, state.moment2 = slot["exp_avg"].clone(), slot["exp_avg_sq"].clone()
@@ -157,17 +132,6 @@ def fit(
 def _mix(*numbers: int) -> int:
     """One seed of several numbers, by numpy's SeedSequence."""
     return int(np.random.SeedSequence(numbers).generate_state(1, np.uint64)[0] >> 1)
-
-
-def learning_rate(settings: Settings, epoch: float) -> float:
-    """The rate after so many epochs, a fraction included: warm-up, then cosine or polynomial."""
-    done = epoch / settings.epochs
-    if settings.schedule == "cosine":
-        left = 0.5 * (1 + math.cos(math.pi * done))
-    else:  # power 0.9, as in the released code
-        left = (1 - done) ** 0.9
-    rate = settings.end_lr + (settings.lr - settings.end_lr) * left
-    return rate * min(1.0, (epoch + 1e-2) / settings.warmup) if settings.warmup else rate
 
 
 def _batches(

@@ -20,7 +20,8 @@ from ..storage import failpoint
 from .calibrate import calibrate
 from .checkpoint import FORMAT, ScaleHead, build_network
 from .examples import Source
-from .fit import Settings, State, begin, fit
+from .fit import State, begin, fit
+from .settings import Settings
 from .training import Trained
 from .windows import Windows
 

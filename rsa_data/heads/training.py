@@ -69,7 +69,7 @@ def train_head(
     validation: float = 0.1,
     split_scene: bool = False,
     patience: int = 0,
-    precision: Literal["float32", "bfloat16"] = "float32",
+    precision: Literal["auto", "float32", "bfloat16"] = "auto",
     memory: float = 4.0,
     checkpoint_every: float = 20.0,
     threads: int = 2,
@@ -117,7 +117,8 @@ def train_head(
     validation : share of the training images held out to choose the best epoch, whole scenes.
     split_scene : where a dataset has one scene only, hold out its last frames instead of refusing.
     patience : stop after so many epochs without a better validation error; 0 runs them all.
-    precision : of the matrix products; bfloat16 is faster where the processor has it.
+    precision : of the matrix products; auto takes bfloat16 where the processor has it in hardware,
+        which is about twice as fast and ends at the same error.
     memory : GiB of examples held at once; larger tables are read in windows of parts every epoch.
     checkpoint_every : seconds of work that a kill may lose; at the end of an epoch the state is
         written when the last time is that long ago.
@@ -127,6 +128,8 @@ def train_head(
     """
     options = {k: v for k, v in locals().items() if k not in ("work", "bar", "start_over", "name")}
     options |= {"datasets": list(datasets), "log_loss": list(log_loss)}
+    if precision == "auto":
+        options["precision"] = _precision()
     if not 0 < validation <= 0.5:
         raise UsageError(f"--validation: expected more than 0, at most 0.5; found {validation}")
     if head not in registry.HEADS:
@@ -195,3 +198,12 @@ def train_head(
         options,
     )
     return run(work, plan, bar, start_over)
+
+
+def _precision() -> str:
+    """bfloat16 where the processor has instructions for it, else float32."""
+    import torch
+
+    # Not public yet, so a later torch without them means float32.
+    has = (getattr(torch.cpu, f"_is_{n}_supported", None) for n in ("avx512_bf16", "amx_tile"))
+    return "bfloat16" if any(ask() for ask in has if ask) else "float32"
