@@ -70,11 +70,13 @@ def write(
             if row in failed
             else blank
             | {"sample_id": i, "status": "ok", "kind": "pixels", "n_valid": 9999, "repeated": False}
-            | (dict(zip(("height", "width"), size), kind="map") if size else {})
+            | (dict(zip(("height", "width"), size, strict=True), kind="map") if size else {})
             | {
                 "relative": relative[row].astype("<f2").tobytes(),
                 "metric": metric[row].astype("<f2").tobytes(),
-                **dict(zip(("fit_scale", "fit_shift"), _fit(relative[row], metric[row]))),
+                **dict(
+                    zip(("fit_scale", "fit_shift"), _fit(relative[row], metric[row]), strict=True)
+                ),
             }
             for i, row in zip(ids, rows, strict=True)
         ]

@@ -72,7 +72,5 @@ def test_few_fits_leave_the_prior_open():
 def test_what_is_not_known_goes_with_anything():
     known = {"style": "occupancy", "files": {"model": "abc"}}
     assert same("x", {"the head": {"style": None, "files": {"model": "abc"}}, "table": known})
-    with pytest.raises(
-        RsaDataError, match="style is 'counts' in the head and 'occ"
-    ):
+    with pytest.raises(RsaDataError, match="style is 'counts' in the head and 'occ"):
         same("x", {"the head": {"style": "counts"}, "table": known})

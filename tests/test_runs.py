@@ -190,7 +190,8 @@ def test_too_many_failures_stop_a_run_with_the_reasons():
     limits.check_failures(receipts[1:] * 0 + [{"ok": 0, "failed": 9}], 0.5, reasons)
     with pytest.raises(RsaDataError, match="20 of 100 rows failed, more than --max-failures 19"):
         limits.check_failures(receipts, 19, reasons)
-    with pytest.raises(RsaDataError, match="19 times, such as: no such file; 1 times, such as: an empty file"):
+    reasons_told = "19 times, such as: no such file; 1 times, such as: an empty file"
+    with pytest.raises(RsaDataError, match=reasons_told):
         limits.check_failures(receipts, 0.1, reasons)
 
 
