@@ -134,7 +134,7 @@ def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
     assert set(bad["status"]) == {"failed"}
     assert set(bad["error"]) == {"depth: no valid pixel"}
     assert len(frame) == 6 * 16
-    assert "Some images failed" in evaluate(work).summary
+    assert "nyuv2: 1 images failed: see error" in evaluate(work).summary
 
 
 def test_monodepth2_scales_by_the_median(work, monkeypatch):

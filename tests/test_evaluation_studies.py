@@ -27,7 +27,9 @@ def test_another_models_depth_under_the_same_protocol(work, tmp_path):  # noqa: 
             cv2.imwrite(str(tmp_path / f"other/nyuv2/test/{i:06d}.png"), values)
         elif i != 2:
             np.save(tmp_path / f"other/nyuv2/test/{i:06d}.npy", 0.9 * gt)
-    found = evaluate(work, external=(f"Other={tmp_path}/other",)).table.to_pandas()
+    result = evaluate(work, external=(f"Other={tmp_path}/other",))
+    assert "its mean leaves out: Other 1;" in result.summary
+    found = result.table.to_pandas()
     rows = found[found["method"] == "Other"].to_dict("records")
     assert [r["status"] for r in rows] == ["ok", "ok", "failed", *["ok"] * 13]
     assert rows[2]["error"] == (

@@ -157,10 +157,15 @@ def notes(about: Mapping[str, Any], rows: Sequence[Row], protocol: str) -> list[
             said.append(f"{name}: one scene only, so nothing is said about others; no interval.")
         if "one block" in trained.get(name, {}).get("validation", ""):
             said.append(f"{name}: its best epoch was chosen on frames of the training scene.")
-        if len({row.images for row in own}) > 1:
-            said.append(f"{name}: methods differ in the number of images that they could do.")
-    if any(row.failed for row in rows):
-        said.append("Some images failed: status and error in metrics.parquet.")
+        failed = {row.method: row.failed for row in own if row.failed}
+        if failed and len(set(failed.values())) == 1 and len(failed) == len(own):
+            said.append(f"{name}: {own[0].failed} images failed: see error in metrics.parquet.")
+        elif failed:
+            some = ", ".join(f"{method} {count}" for method, count in failed.items())
+            said.append(
+                f"{name}: images that a method could not do, and that its mean leaves out: {some}; "
+                "why: error in metrics.parquet."
+            )
     if protocol == "monodepth2":
         said.append("Every prediction is scaled by the ground truth's median before clipping.")
     return said
