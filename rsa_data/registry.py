@@ -70,6 +70,7 @@ STYLES = {
     "release": "rsa_data.captions.styles:release",
     "release-text": "rsa_data.captions.natural:release_text",
     "import": "rsa_data.captions.natural:import_texts",
+    "vlm": "rsa_data.captions.vlm:vlm",
 }
 
 TOKENIZERS = {

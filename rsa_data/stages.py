@@ -60,7 +60,14 @@ STAGES = {
         "source",
         ("model", "model_card", "threads"),
     ),
-    "captions": Stage(1, "rsa_data.captions.write", "captions", "sample_id", "style"),
+    "captions": Stage(
+        1,
+        "rsa_data.captions.write",
+        "captions",
+        "sample_id",
+        "style",
+        ("endpoint", "prompt", "concurrency", "rate", "prices"),
+    ),
     "embed": Stage(
         1,
         "rsa_data.encoders.embed",

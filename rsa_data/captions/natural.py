@@ -48,23 +48,31 @@ def step(style: str, read: Reader, tokenizer: Tokenizer) -> Callable[..., pa.Tab
                 f"captions/{name}: expected texts of {ids[0]} and the {len(ids) - 1} other images "
                 f"of its part in {where}; found none"
             )
-        lines = [_tidy(texts or ()) for texts in found]
-        texts = [text for group in lines for text in group or [NOTHING]]
-        sizes = np.array([len(group) or 1 for group in lines], np.int64)
-        rows = np.repeat(np.arange(len(ids)), sizes)
-        variant = np.arange(len(rows)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        made = write_texts(name, samples, found, tokenizer)
         advance(len(ids))
-        columns = {
-            "sample_id": samples["sample_id"].combine_chunks().take(pa.array(rows)),
-            "variant": variant,
-            "text": pa.array(texts, pa.string()),
-            "n_tokens": tokenizer.count(texts),
-            **dict.fromkeys(("n_objects", "n_kept", "area", "area_kept"), np.zeros(len(rows))),
-        }
-        about = {"style": name, "style_version": str(VERSION), "tokenizer": tokenizer.name}
-        return caption_table(columns, about)
+        return made
 
     return write
+
+
+def write_texts(
+    name: str, samples: pa.Table, found: Sequence[Sequence[str] | None], tokenizer: Tokenizer
+) -> pa.Table:
+    """A captions table of the texts of each sample; one without any gets "An image."."""
+    lines = [_tidy(texts or ()) for texts in found]
+    texts = [text for group in lines for text in group or [NOTHING]]
+    sizes = np.array([len(group) or 1 for group in lines], np.int64)
+    rows = np.repeat(np.arange(len(samples)), sizes)
+    variant = np.arange(len(rows)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    columns = {
+        "sample_id": samples["sample_id"].combine_chunks().take(pa.array(rows)),
+        "variant": variant,
+        "text": pa.array(texts, pa.string()),
+        "n_tokens": tokenizer.count(texts),
+        **dict.fromkeys(("n_objects", "n_kept", "area", "area_kept"), np.zeros(len(rows))),
+    }
+    about = {"style": name, "style_version": str(VERSION), "tokenizer": tokenizer.name}
+    return caption_table(columns, about)
 
 
 def _tidy(texts: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ import pyarrow as pa
 from .. import registry
 from ..encoders import tokenizers
 from ..errors import UsageError
-from . import natural, summary
+from . import natural, summary, vlm
 from .augment import Domain
 from .blocks import composer
 from .columns import caption_table
@@ -37,6 +37,12 @@ def build(
     replace: float = 0.0,
     insert: int = 0,
     domain: Domain = "street",
+    endpoint: str | None = None,
+    prompt: Path | None = None,
+    concurrency: int = 4,
+    rate: float = 0.0,
+    prices: str | None = None,
+    root: Path | None = None,
 ) -> Callable[..., pa.Table]:
     """Captions of each image: one plain, the others augmented by swap and delete.
 
@@ -58,9 +64,18 @@ def build(
         For robustness tests.
     insert : objects of another domain added to each augmented caption. For robustness tests.
     domain : where replaced and inserted objects come from, street or indoor.
+    endpoint : of the style vlm: address of an OpenAI-compatible server.
+    prompt : of the style vlm: file with the question; a shipped one by default.
+    concurrency : of the style vlm: questions at once.
+    rate : of the style vlm: most questions a second; 0 for no limit.
+    prices : of the style vlm: of a million tokens of questions and answers, as IN,OUT.
+    root : where the images lie; given by the frame, for the style vlm.
     """
     target, argument = _resolve(style)
     counter = tokenizers.named(tokenizer)
+    if isinstance(target, vlm.Style):
+        asked = vlm.Asked(endpoint, prompt, concurrency, rate)
+        return target.step(argument, asked, counter, root)
     if not isinstance(target, Wording):
         return natural.step(style, target(argument), counter)
     for name, value, low, high in (
@@ -107,16 +122,27 @@ def build(
 def files(*, style: str = "occupancy", **_: object) -> dict[str, Path]:
     """The file of texts that an import reads, so that its bytes stand in the fingerprint."""
     target, argument = _resolve(style)
-    path = Path(argument) if argument and not isinstance(target, Wording) else None
+    imports = argument and not isinstance(target, (Wording, vlm.Style))
+    path = Path(argument) if imports else None
     return {"texts": path} if path is not None and path.is_file() else {}
 
 
-def identity(*, style: str = "occupancy", tokenizer: str = "clip", **_: object) -> dict[str, str]:
+def identity(*, style: str = "occupancy", tokenizer: str = "clip", **others: Any) -> dict[str, str]:
     """What the texts follow from beside options and files: version of the wording, vocabulary."""
-    target, _argument = _resolve(style)
+    target, argument = _resolve(style)
     counter = tokenizers.named(tokenizer)
     version = target.version if isinstance(target, Wording) else natural.VERSION
-    return {"style_version": str(version), "tokenizer": counter.fingerprint}
+    found = {"style_version": str(version), "tokenizer": counter.fingerprint}
+    if isinstance(target, vlm.Style):
+        found["style_version"] = str(vlm.VERSION)
+        found |= target.identity(argument, _asked(others))
+    return found
+
+
+def _asked(options: dict[str, Any]) -> vlm.Asked:
+    names = ("endpoint", "prompt", "concurrency", "rate")
+    defaults = {n: p.default for n, p in inspect.signature(build).parameters.items()}
+    return vlm.Asked(**{n: options.get(n, defaults[n]) for n in names})
 
 
 def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> list[str]:
@@ -127,6 +153,10 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     """
     bound = {n: p.default for n, p in inspect.signature(build).parameters.items()} | options
     counter = tokenizers.named(bound["tokenizer"])
+    if isinstance(_resolve(bound["style"])[0], vlm.Style):
+        parts = list(captions)
+        lines = summary.import_lines(parts, counter)
+        return vlm.cost_lines(parts, bound["prices"]) + lines
     if not needs_segments(bound["style"]):
         return summary.import_lines(captions, counter)
     asked = bound["max_tokens"]
@@ -158,9 +188,11 @@ def needs_segments(style: str) -> bool:
     return isinstance(_resolve(style)[0], Wording)
 
 
-def _resolve(style: str) -> tuple[Wording | natural.Importer, str]:
+def _resolve(style: str) -> tuple[Wording | vlm.Style | natural.Importer, str]:
     name, colon, argument = style.partition(":")
     target = registry.resolve("style", registry.STYLES, name)
+    if isinstance(target, vlm.Style):
+        return target, argument
     if isinstance(target, Wording) == bool(colon):
         expected = "no argument" if colon else f"{name}:PATH"
         raise UsageError(f"captions: style: expected {expected}, found {style!r}")

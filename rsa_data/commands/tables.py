@@ -53,7 +53,7 @@ def detect(
 @running
 @one_dataset
 @click.option("--segments", metavar="SOURCE", help="A segmenter, or an import as NAME:PLACE.")
-@click_options(captions_build)
+@click_options(captions_build, hidden=stages.GIVEN)
 def captions(
     work: Work,
     how: How,
