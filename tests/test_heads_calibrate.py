@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from rsa_data.errors import RsaDataError
-from rsa_data.heads.belong import same
+from rsa_data.errors import RsaDataError, UsageError
+from rsa_data.heads.belong import encode, same
 from rsa_data.heads.calibrate import REFERENCES, calibrate, distance, references
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.heads.examples import Examples
@@ -74,3 +74,16 @@ def test_what_is_not_known_goes_with_anything():
     assert same("x", {"the head": {"style": None, "files": {"model": "abc"}}, "table": known})
     with pytest.raises(RsaDataError, match="style is 'counts' in the head and 'occ"):
         same("x", {"the head": {"style": "counts"}, "table": known})
+
+
+def test_an_option_that_came_after_a_head_does_not_part_it_from_its_tables():
+    old, new = {"options": {"encoder": "clip"}}, {"options": {"encoder": "clip", "precision": "x"}}
+    assert same("x", {"the head": old, "table": new}) == old
+    with pytest.raises(RsaDataError, match="options is"):
+        same("x", {"the head": new, "table": old})
+
+
+@pytest.mark.parametrize("features", [{"style": "images"}, {"style": "counts", "images": {}}])
+def test_heads_of_image_features_do_not_take_captions(features):
+    with pytest.raises(UsageError, match="not captions alone"):
+        encode({**features, "encoder": "eye"}, ["a room"])

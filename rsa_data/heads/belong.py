@@ -69,10 +69,14 @@ def same(kind: str, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
     (first, identity), *others = found.items()
     for where, other in others:
         for key in identity.keys() | other.keys():
-            if identity.get(key) is not None and identity[key] != other.get(key):
+            mine, theirs = identity.get(key), other.get(key)
+            if key == "options" and mine and theirs:
+                # An option that a head does not know of came after it, or was not told.
+                theirs = {name: theirs.get(name) for name in mine}
+            if mine is not None and mine != theirs:
                 raise RsaDataError(
-                    f"{kind} that do not belong together: {key} is {identity.get(key)!r} in "
-                    f"{first} and {other.get(key)!r} in {where}. Make them again with the same "
+                    f"{kind} that do not belong together: {key} is {mine!r} in "
+                    f"{first} and {theirs!r} in {where}. Make them again with the same "
                     "options, or train on one dataset at a time with --datasets"
                 )
     return identity
@@ -184,10 +188,10 @@ def encoder(features: dict[str, Any], weights: Any = None) -> Callable[[Sequence
     from ..encoders import embed
     from ..stages import file_sha256
 
-    if not features.get("options"):
-        raise RsaDataError(
-            "this head does not know its encoder (it was imported): encode the captions yourself "
-            "and call head(features)"
+    if features.get("style") in ("images", "proposals") or "images" in features:
+        raise UsageError(
+            f"this head reads {features['style']} features of {features['encoder']}, not captions "
+            "alone: call rsa_data.ScaleHead.load(...)(features) with the features of its tables"
         )
     options = {**features["options"], "weights": weights}
     paths = embed.files(**options)
