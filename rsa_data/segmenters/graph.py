@@ -1,9 +1,8 @@
 """A detector: the ONNX graph of a model card, checked against it, with its decoder."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,19 +13,8 @@ from . import Segments, classes
 from .classes import ClassTable
 from .decoding import Decoder
 from .found import to_segments
+from .graph_checks import TYPES, Prepared, check_arrays, check_inputs, check_outputs
 from .preprocess import Geometry, preprocessor
-
-if TYPE_CHECKING:
-    import onnxruntime
-
-_TYPES = {
-    "tensor(float)": np.float32,
-    "tensor(float16)": np.float16,
-    "tensor(int64)": np.int64,
-    "tensor(bool)": np.bool_,
-}
-
-Prepared = tuple[np.ndarray, Geometry]
 
 
 @dataclass(frozen=True)
@@ -84,10 +72,10 @@ def load(
     outputs = {role: card["output"][role] for role in decoder.roles}
     if features is not None:
         outputs["features"] = features
-    fixed = _check_inputs(session, card["input"], where, path.name)
-    _check_outputs(session, outputs, decoder, where, path.name)
+    fixed = check_inputs(session, card["input"], where, path.name)
+    check_outputs(session, outputs, decoder, where, path.name)
     name = card["input"]["name"]
-    kinds = {i.name: _TYPES.get(i.type, np.float32) for i in session.get_inputs()}
+    kinds = {i.name: TYPES.get(i.type, np.float32) for i in session.get_inputs()}
 
     def run(images: Sequence[Prepared]) -> list[dict[str, np.ndarray]]:
         batch = images[0][0] if len(images) == 1 else np.concatenate([p[0] for p in images])
@@ -102,7 +90,7 @@ def load(
             ) from error
         arrays = [a.astype(np.float32) if a.dtype == np.float16 else a for a in arrays]
         roles = dict(zip(outputs, arrays, strict=True))
-        _check_arrays(roles, decoder, where, path.name, len(images))
+        check_arrays(roles, decoder, where, path.name, len(images))
         if not decoder.batched:
             return [roles]
         return [{role: a[k : k + 1] for role, a in roles.items()} for k in range(len(images))]
@@ -129,106 +117,6 @@ def _first(
     run: Callable[[Sequence[Prepared]], list[dict[str, np.ndarray]]], prepared: Prepared
 ) -> tuple[dict[str, np.ndarray], Geometry]:
     return run([prepared])[0], prepared[1]
-
-
-def _check_inputs(
-    session: "onnxruntime.InferenceSession", spec: dict[str, Any], where: str, file: str
-) -> Callable[[Sequence[Prepared]], dict[str, np.ndarray]]:
-    """Raises RsaDataError unless the card fills every input; returns what fills the others."""
-    inputs = {i.name: i for i in session.get_inputs()}
-    name, others = spec.get("name"), spec.get("others", {})
-    if name not in inputs or set(inputs) - {name} - set(others):
-        wanted = ", ".join(filter(None, [name, *others]))
-        raise RsaDataError(
-            f"{where}: expected the inputs {wanted} in {file}; found {', '.join(inputs)}"
-        )
-    image = inputs[name]
-    if image.type not in ("tensor(float)", "tensor(float16)"):
-        raise RsaDataError(
-            f"{where}: expected input {name} of {file} to be float or float16; found {image.type}"
-        )
-    height, width = spec.get("size", (None, None))
-    nhwc = spec.get("layout") == "NHWC"
-    wanted_shape = (1, height, width, 3) if nhwc else (1, 3, height, width)
-    clash = len(image.shape) != 4 or any(
-        isinstance(found, int) and wanted is not None and found != wanted
-        for found, wanted in zip(image.shape, wanted_shape, strict=True)
-    )
-    if clash:
-        shape = ["?" if side is None else side for side in wanted_shape]
-        raise RsaDataError(
-            f"{where}: expected input {name} of {file} of shape {shape}; found {image.shape}"
-        )
-    fills = {
-        key: _filler(inputs[key], what, where) for key, what in others.items() if key in inputs
-    }
-    return lambda images: {key: fill(images) for key, fill in fills.items()}
-
-
-def _filler(
-    graph_input: Any, spec: dict[str, Any], where: str
-) -> Callable[[Sequence[Prepared]], np.ndarray]:
-    """What fills an input besides the image, by its `fill` in the card."""
-    kind = _TYPES.get(graph_input.type, np.float32)
-    fill = spec.get("fill", "")
-    if fill == "ones":
-        wanted = spec.get("shape", [1])
-        shape = tuple(
-            known if isinstance(known, int) else size
-            for known, size in zip(graph_input.shape[1:], wanted[1:], strict=True)
-        )
-        return lambda images: np.ones((len(images), *shape), kind)
-    if fill not in _FILLS:
-        raise RsaDataError(f"{where}: {registry.unknown('fill', fill, ('ones', *_FILLS))}")
-    return lambda images: np.array([_FILLS[fill](g) for _, g in images], kind)
-
-
-# Values of one image, height first: what PaddleDetection's graphs want beside the picture.
-_FILLS: dict[str, Callable[[Geometry], tuple[float, float]]] = {
-    "scale": lambda g: (g.used_height / g.height, g.used_width / g.width),
-    "input-size": lambda g: (g.used_height, g.used_width),
-    "image-size": lambda g: (g.height, g.width),
-}
-
-
-def _check_outputs(
-    session: "onnxruntime.InferenceSession",
-    outputs: Mapping[str, str],
-    decoder: Decoder,
-    where: str,
-    file: str,
-) -> None:
-    there = {o.name: o.shape for o in session.get_outputs()}
-    for role, name in outputs.items():
-        if name not in there:
-            raise RsaDataError(
-                f"{where}: expected the output {name} ({role}) in {file}; found {', '.join(there)}"
-            )
-        if role in decoder.roles and there[name]:
-            _check_shape(there[name], decoder.roles[role], f"{where}: output {name} of {file}")
-
-
-def _check_arrays(
-    roles: Mapping[str, np.ndarray], decoder: Decoder, where: str, file: str, batch: int
-) -> None:
-    for role, array in roles.items():
-        what = f"{where}: output {role} of {file}"
-        if role in decoder.roles:
-            _check_shape(array.shape, decoder.roles[role], what)
-        if decoder.batched and (array.ndim == 0 or len(array) != batch):
-            raise RsaDataError(f"{what}: expected a batch of {batch}; found shape {array.shape}")
-
-
-def _check_shape(shape: Sequence[Any], wanted: tuple[int, int, int], what: str) -> None:
-    axes, axis, size = wanted
-    if len(shape) != axes or (axis and isinstance(shape[axis], int) and shape[axis] != size):
-        sides = ["?"] * axes
-        if axis:
-            sides[axis] = str(size)
-        raise RsaDataError(
-            f"{what}: expected shape [{', '.join(sides)}], by its family and class table; "
-            f"found {list(shape)}"
-        )
 
 
 def _feature_rows(values: np.ndarray, candidates: int | None, where: str, name: str) -> np.ndarray:
