@@ -13,7 +13,7 @@ from ..parts import Work
 from . import breakdown, formats, plots
 from .constants import fit_constants
 from .contenders import Entry, has_training, inputs_of, methods_of, plans, train
-from .evaluate import Evaluation
+from .evaluate import Evaluation, notes
 from .methods import by_constant, oracle_methods
 from .metrics import METRICS
 from .protocols import PROTOCOLS, Rules
@@ -108,6 +108,7 @@ def compare(
         f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, {epochs} epochs; "
         "mean over images [95% interval by scene].",
         *over_seeds,
+        *notes(text.head.description, rows, protocol)[1:],
     ]
     extra = _hard(work, text, names, merged, split)
     bars, lines = _error_bars(work, text, names, ranges, split)
