@@ -102,4 +102,5 @@ def _head(work: Work) -> None:
     csv += (
         f'abs_rel_high\nrooms,"{EVIL.replace(chr(34), chr(34) * 2)}",4,0,2,.9,.1,.3,.1,9,.08,.2\n'
     )
-    work.store.write("heads/small/evaluation/rsa/summary.csv", csv.encode())
+    for folder in ("heads/small/evaluation", "heads/small/robustness", "comparisons"):
+        work.store.write(f"{folder}/rsa/summary.csv", csv.encode())

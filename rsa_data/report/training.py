@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import pyarrow.parquet as pq
@@ -24,7 +25,7 @@ _METRICS = {
 
 def heads(work: Work) -> Html:
     """A section: for each head its curves, and a table for each protocol it was measured under."""
-    found = [_head(work, name) for name in head_names(work)]
+    found = [_head(work, name) for name in head_names(work)] + _comparisons(work)
     nothing = tag("p", "There is no head in this work dir yet.")
     return tag("section", tag("h2", "Heads"), found or nothing, id="heads")
 
@@ -79,21 +80,52 @@ def _loss_unit(work: Work, name: str) -> str:
 
 def _evaluations(work: Work, name: str) -> list[Html]:
     found = []
-    for folder in work.store.list(f"heads/{name}/evaluation"):
-        protocol = folder.rstrip("/")
-        data = work.store.read(f"heads/{name}/evaluation/{protocol}/summary.csv")
-        if data is None:
-            continue
-        rows = list(csv.DictReader(io.StringIO(data.decode())))
-        theirs, said = _paper(work, name, protocol, rows)
-        shown = [_cells(row) for row in rows] + theirs
-        order = {dataset: k for k, dataset in enumerate(dict.fromkeys(r[0] for r in shown))}
-        shown.sort(key=lambda row: order[row[0]])
-        header = ["dataset", "method", "images", *_METRICS.values()]
-        title = f"Head {name} on test images, protocol {protocol}; 95% intervals in brackets"
-        found.append(tag("div", html.table(header, shown, title),
-                         [tag("p", line, class_="note") for line in said]))  # fmt: skip
+    kinds = {
+        "evaluation": "on test images; 95% intervals in brackets",
+        "robustness": "with descriptions that are wrong or poor",
+    }
+    for kind, what in kinds.items():
+        for folder in work.store.list(f"heads/{name}/{kind}"):
+            protocol = folder.rstrip("/")
+            rows = _rows(work, f"heads/{name}/{kind}/{protocol}")
+            theirs, said = _paper(work, name, protocol, rows) if kind == "evaluation" else ([], [])
+            found += _measured(f"Head {name} {what}, protocol {protocol}", rows, theirs, said)
     return found
+
+
+def _comparisons(work: Work) -> list[Html]:
+    """Tables of `rsa-data compare`: heads on other inputs, and controls."""
+    names = [folder.rstrip("/") for folder in work.store.list("comparisons")]
+    found = [
+        part
+        for name in names
+        for part in _measured(
+            f"Comparison {name}: inputs and controls", _rows(work, f"comparisons/{name}")
+        )
+    ]
+    return [tag("h3", "Comparisons"), *found] if found else []
+
+
+def _rows(work: Work, folder: str) -> list[dict[str, str]]:
+    data = work.store.read(f"{folder}/summary.csv")
+    return [] if data is None else list(csv.DictReader(io.StringIO(data.decode())))
+
+
+def _measured(
+    title: str,
+    rows: list[dict[str, str]],
+    others: Sequence[list[Any]] = (),
+    said: Sequence[str] = (),
+) -> list[Html]:
+    """A table of measures, datasets together; nothing where there are no rows."""
+    if not rows:
+        return []
+    shown = [*map(_cells, rows), *others]
+    order = list(dict.fromkeys(row[0] for row in shown))
+    shown.sort(key=lambda row: order.index(row[0]))
+    header = ["dataset", "method", "images", *_METRICS.values()]
+    notes = [tag("p", line, class_="note") for line in said]
+    return [tag("div", html.table(header, shown, title), notes)]
 
 
 def _cells(row: dict[str, str]) -> list[str]:
