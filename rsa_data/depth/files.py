@@ -83,8 +83,8 @@ def _png(path: Path, name: str) -> np.ndarray:
     data = read_bytes(path)
     # Width and height stand here in every PNG: a small file can announce more than memory holds.
     width, height = struct.unpack(">II", data[16:24].ljust(8, b"\0"))
-    small = width * height <= MAX_PIXELS
-    values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if small else None
+    sound = data and width * height <= MAX_PIXELS
+    values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if sound else None
     if values is None:
         raise RowError(f"{name}: not a readable PNG")
     if values.dtype != np.uint16 or values.ndim != 2:

@@ -15,7 +15,7 @@ from ..datasets import Dataset
 from ..errors import RowError, RsaDataError, UsageError
 from ..progress import advance
 from ..registry import extras
-from . import Segments, classes, to_table
+from . import Segments, classes, coco_json, to_table
 from .classes import ClassTable
 from .coco_panoptic import ByFileName, categories
 from .found import Found, to_segments
@@ -141,6 +141,11 @@ def _size(record: dict[str, Any], sample: dict[str, Any], root: Path | None) -> 
     """Width and height, px, from the record, the sample, or the image's header."""
     for known in (record, sample):
         if known.get("width") and known.get("height"):
+            if known["width"] * known["height"] > images.MAX_PIXELS:
+                raise RowError(
+                    f"{_WHERE}: {sample['image']}: expected at most {images.MAX_PIXELS} px, found "
+                    f"{known['width']} x {known['height']}"
+                )
             return known["width"], known["height"]
     if root is None:
         raise RowError(
@@ -168,7 +173,7 @@ def _read(
     for path in _file_names(argument):
         try:
             contents.append(json.loads(path.read_bytes()))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise RsaDataError(
                 f"{_WHERE}: expected a JSON file at {path}; found: {error}"
             ) from error
@@ -182,7 +187,10 @@ def _read(
             f"{_WHERE}: expected a list of results with image_id and category_id, or an object "
             f"with such a list as annotations, in {paths[0]}"
         )
+    coco_json.check(results, coco_json.RESULT, f"{_WHERE}: {paths[0].name}: results")
     last = contents[-1] if isinstance(contents[-1], dict) else {}
+    listed = last.get("images") or []
+    coco_json.check(listed, coco_json.IMAGE, f"{_WHERE}: {paths[-1].name}: images")
     if names is not None:
         path = Path(names)
         table = classes.read(path) if path.is_file() else classes.table(names)
@@ -190,4 +198,4 @@ def _read(
         table = categories(last, paths[-1])
     else:
         table = classes.table("coco-panoptic")
-    return results, last.get("images") or [], table
+    return results, listed, table

@@ -9,9 +9,10 @@ import numpy as np
 import pyarrow as pa
 
 from ..datasets import Dataset
+from ..datasets.listing import inside
 from ..errors import RowError, RsaDataError
 from ..progress import advance
-from . import Segments, maps, to_table
+from . import Segments, coco_json, maps, to_table
 from .classes import ClassTable, caption_name
 from .found import Found, to_segments
 
@@ -36,9 +37,18 @@ def build(
     path = _json_path(argument)
     content = read_json(path, ("images", "annotations", "categories"), _WHERE)
     folder = _png_folder(path, argument)
+    where = f"{_WHERE}: {path.name}"
+    coco_json.check(content["images"], coco_json.IMAGE, f"{where}: images")
+    annotations = coco_json.check(
+        content["annotations"], coco_json.PANOPTIC, f"{where}: annotations"
+    )
+    for annotation in annotations:
+        name = annotation["file_name"]
+        inside(name, where)
+        coco_json.check(annotation["segments_info"], coco_json.SEGMENT, f"{where}: {name}")
     table = categories(content, path)
     by_name = ByFileName(content["images"], path.name)
-    by_image = {annotation["image_id"]: annotation for annotation in content["annotations"]}
+    by_image = {annotation["image_id"]: annotation for annotation in annotations}
 
     def one(image: str | None) -> Segments:
         record = by_name.find(image)
@@ -113,13 +123,9 @@ def _some(ids: list[int]) -> str:
 
 def categories(content: dict[str, Any], path: Path) -> ClassTable:
     """The class table of a COCO file's categories."""
-    try:
-        names = {c["id"]: caption_name(c["name"]) for c in content["categories"]}
-        things = frozenset(c["id"] for c in content["categories"] if c.get("isthing", 1))
-    except (TypeError, KeyError) as error:
-        raise RsaDataError(
-            f"{path}: expected categories with id and name; missing: {error}"
-        ) from error
+    given = coco_json.check(content.get("categories"), coco_json.CATEGORY, f"{path}: categories")
+    names = {c["id"]: caption_name(c["name"]) for c in given}
+    things = frozenset(c["id"] for c in given if c.get("isthing", 1))
     return ClassTable(names, things, max(names, default=-1) + 1)
 
 
@@ -127,7 +133,7 @@ def read_json(path: Path, keys: tuple[str, ...], where: str) -> dict[str, Any]:
     """A JSON object that has lists under `keys`; raises RsaDataError when it is not that."""
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RsaDataError(f"{where}: expected a JSON file at {path}; found: {error}") from error
     for key in keys:
         if not isinstance(content, dict) or not isinstance(content.get(key), list):
