@@ -133,7 +133,7 @@ def test_windows_of_a_small_memory_see_every_image_once_an_epoch(work):
         def close(self):
             counted.append(0)
 
-    trained = train_head(work, Bar, memory=6e-5, **FAST | {"epochs": 15})
+    trained = train_head(work, Bar, memory=9e-5, **FAST | {"epochs": 15})
     used = trained.description["datasets"]
     images = used["nyuv2"]["images"] + used["kitti"]["images"]
     assert used["nyuv2"]["images"] + used["nyuv2"]["validation_images"] == 120
@@ -323,3 +323,13 @@ def test_the_learning_rate_rises_then_falls(schedule, left):
     rates = [learning_rate(Settings(**about), epoch) for epoch in (0.49, 2, 4, 8)]
     expected = [0.1 + 0.9 * left(epoch / 8) for epoch in (0.49, 2, 4, 8)]
     np.testing.assert_allclose(rates, [expected[0] / 2, *expected[1:]], rtol=1e-12)
+
+
+def test_a_broken_checkpoint_is_refused_and_start_over_helps(work):
+    toy(work, "nyuv2")
+    folder = work.store.folder / "heads/head"
+    folder.mkdir(parents=True)
+    (folder / "checkpoint.safetensors").write_bytes(b"\x08\0\0\0\0\0\0\0{broken}")
+    with pytest.raises(RsaDataError, match=r"checkpoint.safetensors: broken.*--start-over"):
+        train_head(work, **FAST)
+    assert train_head(work, start_over=True, **FAST).description["epochs_run"] == 6

@@ -186,7 +186,7 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
 def encoder(features: dict[str, Any], weights: Any = None) -> Callable[[Sequence[str]], np.ndarray]:
     """`encode` with the encoder in memory; raises RsaDataError when it is not the head's."""
     from ..encoders import embed
-    from ..stages import file_sha256
+    from ..identity import file_sha256
 
     if features.get("style") in ("images", "proposals") or "images" in features:
         raise UsageError(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import load as from_safetensors
 from safetensors.torch import save as to_safetensors
 
@@ -223,12 +224,17 @@ def _resume(data: bytes | None, identity: str) -> State | None:
     """The state that a killed run left; None when there is none."""
     if data is None:
         return None
-    length = int.from_bytes(data[:8], "little")
-    about = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["state"])
+    try:
+        length = int.from_bytes(data[:8], "little")
+        about = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["state"])
+        rows = dict(zip(_ROWS, from_safetensors(data)["rows"], strict=True))
+    except (ValueError, KeyError, SafetensorError) as error:
+        raise RsaDataError(
+            f"checkpoint.safetensors: broken: {error}. --start-over trains anew"
+        ) from error
     if about["identity"] != identity:
-        raise RsaDataError("the checkpoint is of another training: use --start-over")
+        raise RsaDataError("checkpoint.safetensors is of another training: use --start-over")
     history = [
         {**row, "errors": {int(d): e for d, e in row["errors"].items()}} for row in about["history"]
     ]
-    rows = dict(zip(_ROWS, from_safetensors(data)["rows"], strict=True))
     return State(**rows, steps=about["steps"], history=history)

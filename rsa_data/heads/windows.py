@@ -37,7 +37,8 @@ class Windows:
     def __init__(self, work: Work, plan: "Plan"):
         self.work, self.plan = work, plan
         self.numbers = [plan.numbers[source.dataset] for source in plan.sources]
-        self.limit = plan.options["memory"] * _GIB / 2  # joining parts takes as much again
+        # A window, the parts that it is joined from, and the one before that is not let go of yet.
+        self.limit = plan.options["memory"] * _GIB / 3
         self._choose()
         self._scan()
 
