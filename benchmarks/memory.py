@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import rooms
 
-from rsa_data import run, stages, tables
+from rsa_data import identity, run, stages, steps, tables
 from rsa_data.encoders import embed
 from rsa_data.parts import Work
 
@@ -54,13 +54,13 @@ def measure(rows: int, part: int, folder: Path) -> None:
     # The inputs were made in this process; what they left of the peak is the same for all counts.
     run.run(rooms.captions_job(work), bar=rooms.NoBar)
     job = stages.job(work, "embed", "rooms", {"encoder": "minilm"}, upstream="captions/occupancy")
-    description = stages.describe(job)
+    description = identity.describe(job)
     output = job.table(job.output)
     output.bind(description)
     files = []
     begun = time.monotonic()
     for number in work.table("rooms", "samples").parts():
-        stages.run_part(job, stub(), description, number)
+        steps.run_part(job, stub(), description, number)
         files.append(len(list(Path("/proc/self/fd").iterdir())))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(peak, files[0], max(files), files[-1], f"{time.monotonic() - begun:.1f}")

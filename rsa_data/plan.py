@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from . import run, stages
+from . import identity, run, steps
 from .parts import Work, encoded
 from .stages import Job
 from .units import duration, size
@@ -45,12 +45,12 @@ def plan(
     work, output = Work(job.work), job.table(job.output)
     numbers = run.select(work, job.dataset, split, part_range)
     run.need_inputs(job, numbers)
-    description = stages.describe(job)
+    description = identity.describe(job)
     todo = numbers
     if output.exists():
-        if not stages.same(output.description(), description):
+        if not identity.same(output.description(), description):
             output.bind(description)  # says what differs
-        todo, _ = stages.pending(job, description, numbers)
+        todo, _ = identity.pending(job, description, numbers)
     samples = work.table(job.dataset, "samples")
     rows = sum(samples.receipt(n)["rows"] for n in todo)
     free = output.store.free()
@@ -58,7 +58,7 @@ def plan(
     if not rows:
         return Estimate(str(output), len(todo), done, 0, 0.0, 0.0, 0, free, 0)
     begun = time.monotonic()
-    step = stages.build_step(job)
+    step = steps.build_step(job)
     step(*_first(job, todo[0], _WARM))
     loading = time.monotonic() - begun
     inputs = _first(job, todo[0], _ROWS)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pyarrow.compute as pc
 
-from . import engines, limits, stages
+from . import engines, identity, limits, stages, steps
 from .engines import Result, Task
 from .errors import RsaDataError, TransientError, UsageError
 from .logs import RunLog
@@ -90,10 +90,10 @@ def run(
         output.start_over()
     numbers = select(work, job.dataset, split, part_range)
     need_inputs(job, numbers)
-    description = stages.describe(job)
+    description = identity.describe(job)
     output.bind(description)
     stages.remember(job)
-    todo, stale = stages.pending(job, description, numbers)
+    todo, stale = identity.pending(job, description, numbers)
     tasks = [Task(number) for number in todo]
     if redo_failed:
         again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
@@ -126,7 +126,7 @@ def run(
         seconds=time.monotonic() - begun,
         worked=sum(units(output.receipt(n)) for n in sizes if n not in undone),
         reasons=reasons(job, [n for n in numbers if n not in undone]) if total["failed"] else [],
-        notes=stages.notes(job, [r["part"] for r in receipts]) if tasks else [],
+        notes=steps.notes(job, [r["part"] for r in receipts]) if tasks else [],
         **total,
     )
 

@@ -1,27 +1,25 @@
-"""The row stages, in the order data flows, and what it takes to run one on one part.
+"""The row stages, in the order data flows, and the jobs that run one over one dataset.
 
 A row stage maps a part to the same-numbered part of the next table. Its builder loads what is
 heavy once a worker and returns the step, a pure function from the input parts to the output part
-that knows no engine, no store and no receipt: those stand here.
+that knows no engine, no store and no receipt: identity.py says what it follows from, steps.py
+runs it.
 """
 
-import hashlib
 import inspect
 import json
-import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
-from . import index, options, tables
-from .errors import RsaDataError, TransientError, UsageError
-from .parts import Parts, Work, fingerprint, to_json
+from . import index, options
+from .errors import RsaDataError, UsageError
+from .identity import plain
+from .parts import Parts, Work, to_json
 
 Step = Callable[..., pa.Table]
 
@@ -194,7 +192,7 @@ def remember(job: Job) -> None:
     """Keeps where the job found its files, for `job_of`; no part depends on it."""
     stage = STAGES[job.stage]
     names = (*stage.local, stage.selector)
-    kept = {name: _plain(value) for name, value in job.options.items() if name in names}
+    kept = {name: plain(value) for name, value in job.options.items() if name in names}
     output = job.table(job.output)
     output.store.write(f"{output.path}/local.json", to_json(kept))
 
@@ -222,182 +220,3 @@ def _with_parameters(function: Callable[..., Any], names: tuple[str, ...]) -> Ca
         [known[name] for name in names]
     )
     return stub
-
-
-def describe(job: Job) -> dict[str, Any]:
-    """table.json of the job's output: what made it, as far as it can change the content.
-
-    Model files are looked for (and fetched, where the registry knows how) and hashed here, before
-    any worker starts.
-    """
-    stage = STAGES[job.stage]
-    module = import_module(stage.module)
-    files = module.files(**job.options) if hasattr(module, "files") else {}
-    identity = {k: _plain(v) for k, v in job.options.items() if k not in stage.local}
-    identity[stage.selector] = name_of(str(identity[stage.selector]))
-    # What else the content follows from, where a module has such: versions, vocabularies.
-    known = {"identity": module.identity(**job.options)} if hasattr(module, "identity") else {}
-    return {
-        **known,
-        "stage": job.stage,
-        "stage_version": stage.version,
-        "schema": stage.schema,
-        "schema_version": tables.definition(stage.schema)["version"],
-        "options": identity,
-        "files": {name: file_sha256(str(path)) for name, path in files.items()},
-        "inputs": list(job.inputs),
-        "made_with": made_with(),
-    }
-
-
-# Parts that notes look at, evenly over the table: enough for shares, cheap for any number.
-_NOTED = 20
-
-
-def notes(job: Job, numbers: list[int]) -> list[str]:
-    """What the stage's module has to say of the parts `numbers`: sentences for the summary."""
-    module = import_module(STAGES[job.stage].module)
-    if not numbers or not hasattr(module, "notes"):
-        return []
-    step = -(-len(numbers) // _NOTED)
-    made = (job.table(job.output).read(n, columns=module.NOTED) for n in numbers[::step])
-    inputs = [job.table(name).read(numbers[len(numbers) // 2]) for name in job.inputs]
-    return module.notes(made, *inputs, **job.options)
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, (int, float, str, bool, type(None))) else str(value)
-
-
-@cache
-def file_sha256(path: str) -> str:
-    """sha256 of a file, read once a process."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-@cache
-def made_with() -> dict[str, str]:
-    """Versions that can change bits, for information."""
-    names = ("rsa-data", "numpy", "onnxruntime", "opencv-python-headless", "pyarrow", "torch")
-    versions = {name: _version(name) for name in names}
-    return {"python": platform.python_version(), "machine": platform.machine(), **versions}
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "unknown"
-
-
-def part_inputs(job: Job, number: int) -> dict[str, str]:
-    """Digests of the content of a part's input parts."""
-    return {name: job.table(name).receipt(number)["digest"] for name in job.inputs}
-
-
-def part_fingerprint(description: dict[str, Any], inputs: dict[str, str]) -> str:
-    """What a part's content follows from: the table's description and its input parts' content."""
-    what = {key: value for key, value in description.items() if key != "made_with"}
-    return fingerprint({"table": what, "inputs": inputs})
-
-
-def build_step(job: Job) -> Step:
-    """Loads what the stage needs; called once a worker."""
-    build = STAGES[job.stage].build
-    known = options.parameters(build)
-    given: dict[str, Any] = {}
-    if "dataset" in known:
-        given["dataset"] = index.load_dataset(Work(job.work), job.dataset)
-    if "root" in known:
-        given["root"] = Path(job.root) if job.root else None
-    return build(**given, **job.options)
-
-
-def run_part(
-    job: Job, step: Step, description: dict[str, Any], number: int, *, redo: bool = False
-) -> dict[str, Any]:
-    """Reads the input parts, runs the step, accounts for every row, commits; gives the receipt.
-
-    redo : replace the part although it is there, made from the same input.
-
-    Raises TransientError when another run has changed an input part meanwhile.
-    """
-    stage, output = STAGES[job.stage], job.table(job.output)
-    receipts = {name: job.table(name).receipt(number) for name in job.inputs}
-    inputs = [
-        job.table(name).read(number, receipt=receipt, check=True)
-        for name, receipt in receipts.items()
-    ]
-    made = step(*inputs)
-    counts = account(inputs[0], made, stage.unit, f"{job.dataset}/{job.output} part {number}")
-    digests = {name: receipt["digest"] for name, receipt in receipts.items()}
-    if part_inputs(job, number) != digests or not same(output.description(), description):
-        raise TransientError(
-            f"{output}: another run changed the input or the options of part {number} meanwhile. "
-            "Let it end, then run the same command again"
-        )
-    return output.commit(
-        number,
-        made,
-        {
-            **counts,
-            **_measured(made),
-            "split": job.table("samples").receipt(number)["split"],
-            "inputs": digests,
-            "fingerprint": part_fingerprint(description, digests),
-        },
-        redo=redo,
-    )
-
-
-def _measured(made: pa.Table) -> dict[str, Any]:
-    """What a step measured of its own work: JSON under `audit` in its table's metadata."""
-    audit = (made.schema.metadata or {}).get(b"audit")
-    return {"audit": json.loads(audit)} if audit else {}
-
-
-def same(old: dict[str, Any], new: dict[str, Any]) -> bool:
-    """Whether two descriptions of a table promise the same content."""
-    return fingerprint({**old, "made_with": None}) == fingerprint({**new, "made_with": None})
-
-
-def account(before: pa.Table, after: pa.Table, unit: str, where: str) -> dict[str, int]:
-    """ok, failed and skipped units of a part; they are all that came in, or RsaDataError.
-
-    A unit of `before` that did not end well there is skipped when `after` has no row for it.
-    """
-    came, went = pc.unique(before[unit]), pc.unique(after[unit])
-    if "status" in after.column_names:
-        status = after["status"]
-        failed = pc.sum(pc.equal(status, "failed"), min_count=0).as_py()
-        skipped = pc.sum(pc.equal(status, "skipped"), min_count=0).as_py()
-        ok = len(after) - failed - skipped
-    else:
-        ok, failed, skipped = len(went), 0, 0
-    if "status" in before.column_names:
-        gone = before.filter(pc.not_equal(before["status"], "ok"))[unit]
-        skipped += pc.sum(pc.invert(pc.is_in(gone, went)), min_count=0).as_py()
-    strangers = pc.sum(pc.invert(pc.is_in(went, came)), min_count=0).as_py()
-    if ok + failed + skipped != len(came) or strangers:
-        raise RsaDataError(
-            f"{where}: {len(came)} rows came in, but {ok} ok + {failed} failed + {skipped} skipped "
-            f"came out, {strangers} of them unknown: rows were lost or made up. Nothing was written"
-        )
-    return {"ok": ok, "failed": failed, "skipped": skipped}
-
-
-def pending(job: Job, description: dict[str, Any], numbers: Iterable[int]) -> tuple[list, list]:
-    """(parts to do, those of them that were done before from an input that has changed since)."""
-    output = job.table(job.output)
-    done = set(output.parts())
-    todo, stale = [], []
-    for number in numbers:
-        if number not in done:
-            todo.append(number)
-        elif output.receipt(number)["fingerprint"] != part_fingerprint(
-            description, part_inputs(job, number)
-        ):
-            todo.append(number)
-            stale.append(number)
-    return todo, stale

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from . import stages, status, tables
+from . import identity, stages, status, steps, tables
 from .errors import RsaDataError
 from .parts import Parts, Work
 from .units import size
@@ -79,7 +79,7 @@ def _check(
             yield f"its input {name} is not there any more"
         elif stage is not None:
             try:
-                counts = stages.account(source.read(number), rows, stage.unit, str(table))
+                counts = steps.account(source.read(number), rows, stage.unit, str(table))
             except RsaDataError as error:
                 yield str(error)
                 continue
@@ -107,10 +107,10 @@ def recompute(work: Work, count: int, say: Say, *, seed: int | None = None) -> i
 
 def _recompute(work: Work, table: Parts, numbers: list[int], say: Say) -> int:
     job = stages.job_of(work, table.dataset, table.name)
-    if not stages.same(table.description(), stages.describe(job)):
+    if not identity.same(table.description(), identity.describe(job)):
         say(f"{table}: its options, model files or version are not those of today; left out")
         return 1
-    step = stages.build_step(job) if numbers else None
+    step = steps.build_step(job) if numbers else None
     problems = 0
     for number in numbers:
         assert step is not None

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import rooms
 
-from rsa_data import engines, run, stages
+from rsa_data import engines, identity, run
 from rsa_data.engines import How, Task
 from rsa_data.errors import RsaDataError, TransientError
 from rsa_data.logs import last_run, rate
@@ -87,7 +87,7 @@ def test_a_stage_that_cannot_begin_says_why(tmp_path, how):
     work = rooms.made(tmp_path)
     job = rooms.captions_job(work, digits=7)
     with pytest.raises(RsaDataError, match="digits: expected 0 to 3, found 7"):
-        list(engines.run(job, stages.describe(job), [Task(0), Task(1)], how))
+        list(engines.run(job, identity.describe(job), [Task(0), Task(1)], how))
 
 
 def test_a_worker_over_its_memory_limit_is_ended_and_named(tmp_path):

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 import rooms
 
-from rsa_data import limits, plan, run, stages, status, tables, verify
+from rsa_data import identity, limits, plan, run, stages, status, steps, tables, verify
 from rsa_data.errors import RsaDataError, UsageError
 from rsa_data.parts import Work
 
@@ -244,15 +244,15 @@ def test_two_commands_at_once_on_one_work_dir(tmp_path):
 
 def test_two_commands_with_other_options_at_once_do_not_mix(tmp_path):
     work = rooms.made(tmp_path, parts=2)
-    description = stages.describe(job := rooms.captions_job(work))
+    description = identity.describe(job := rooms.captions_job(work))
     table = work.table("rooms", "captions/occupancy")
     table.bind(description)
-    step = stages.build_step(job)
+    step = steps.build_step(job)
     # Another run deletes the table and begins it with other options while a part is being made.
     table.start_over()
-    table.bind(stages.describe(rooms.captions_job(work, variants=2)))
+    table.bind(identity.describe(rooms.captions_job(work, variants=2)))
     with pytest.raises(RsaDataError, match="another run changed the input or the options"):
-        stages.run_part(job, step, description, 0)
+        steps.run_part(job, step, description, 0)
     assert table.parts() == []
 
 

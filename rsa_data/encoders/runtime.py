@@ -70,7 +70,7 @@ def runners(
     """
     import torch
 
-    from ..stages import file_sha256
+    from ..identity import file_sha256
 
     torch.set_num_threads(threads)
     if where[0] == "onnx":

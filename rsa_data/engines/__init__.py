@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from .. import progress, registry, stages
+from .. import progress, registry, stages, steps
 from ..errors import RsaDataError, TransientError
 from ..stages import Job
 
@@ -112,7 +112,7 @@ def run(
     if how.engine == "local" and how.memory is None and (how.workers <= 1 or len(tasks) <= 1):
         progress.listen(on_rows)
         try:
-            step = stages.build_step(job)
+            step = steps.build_step(job)
             for task in tasks:
                 yield attempt(job, step, description, task)
         finally:
@@ -130,7 +130,7 @@ def attempt(job: Job, step: stages.Step, description: dict[str, Any], task: Task
     begun = time.monotonic()
     receipt, error, trace = None, None, ""
     try:
-        receipt = stages.run_part(job, step, description, task.number, redo=task.redo)
+        receipt = steps.run_part(job, step, description, task.number, redo=task.redo)
     except RsaDataError as known:
         error = portable(known)
     except MemoryError:

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from .. import progress, stages
+from .. import progress, steps
 from ..errors import RsaDataError
 from ..stages import Job
 from . import How, News, Task, attempt, portable
@@ -113,7 +113,7 @@ def _work(pipe: Connection, job: Job, description: dict[str, Any], memory: int |
 
     progress.listen(_now_and_then(lambda rows: tell("rows", rows)))
     try:
-        step = stages.build_step(job)
+        step = steps.build_step(job)
     except Exception as error:
         tell("broken", portable(error))
         return

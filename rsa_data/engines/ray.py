@@ -92,14 +92,14 @@ class _Worker:
 
     def begin(self) -> tuple[str, Any]:
         """Loads what the stage needs. Not in __init__, whose errors Ray tells as a death."""
-        from .. import stages
+        from .. import steps
         from .local import limit_memory
 
         job, _, memory = self.given
         if memory is not None:
             threading.Thread(target=limit_memory, args=(memory,), daemon=True).start()
         try:
-            self.step = stages.build_step(job)
+            self.step = steps.build_step(job)
         except Exception as error:
             return "broken", portable(error)
         return "ready", None
