@@ -192,7 +192,7 @@ def _png(pixels: np.ndarray) -> bytes:
     """PNG of grey or of B, G, R."""
     import cv2
 
-    return cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes()
+    return cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -73,10 +73,13 @@ def _contact(
             continue
         c, s = np.cos(solid.yaw), np.sin(solid.yaw)
         dx, dy = x - np.float32(solid.centre[0]), y - np.float32(solid.centre[1])
+        far = np.float32(np.hypot(*solid.half[:2]) + 5 * reach)
+        near = np.flatnonzero((np.abs(dx) < far) & (np.abs(dy) < far))
+        dx, dy = dx[near], dy[near]
         outside_x = np.maximum(np.abs(c * dx + s * dy) - solid.half[0], 0)
         outside_y = np.maximum(np.abs(c * dy - s * dx) - solid.half[1], 0)
         depth = 0.42 * np.exp(-bottom / 0.3)
-        dark *= 1 - np.float32(depth) * np.exp(-(outside_x + outside_y) / np.float32(reach))
+        dark[near] *= 1 - np.float32(depth) * np.exp(-(outside_x + outside_y) / np.float32(reach))
     shadow[ground] = np.maximum(dark, 0.35)
     return shadow
 
