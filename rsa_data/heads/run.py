@@ -133,7 +133,8 @@ def _first_network(plan: Plan, examples: Windows) -> torch.nn.Module:
     """A network drawn from the seed, whose output begins at the datasets' typical scale and shift.
 
     y may be in any unit (0 to 1, 0 to 10,000), so without that the first steps, or all of them,
-    go into finding its range.
+    go into finding its range. The outputs are the last layers of `scale_net` and `shift_net`; a
+    head without networks of these names begins as it is.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(plan.options["seed"])
@@ -143,8 +144,8 @@ def _first_network(plan: Plan, examples: Windows) -> torch.nn.Module:
     with torch.no_grad():
         outputs = ("scale_net", "shift_net")
         for output, value in zip(outputs, examples.typical, strict=True):
-            last = list(network.get_submodule(output).modules())[-1]
-            last.get_parameter("bias").fill_(float(np.log(value)))
+            if isinstance(branch := getattr(network, output, None), torch.nn.Sequential):
+                branch[-1].get_parameter("bias").fill_(float(np.log(value)))
     return network
 
 
