@@ -18,7 +18,7 @@ import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import registry
+from . import onnx_external, registry
 from .errors import RsaDataError, UsageError
 
 if TYPE_CHECKING:
@@ -236,6 +236,7 @@ def open_session(
         # Tuned algorithms and TF32 would give other bits from run to run.
         settings = {"cudnn_conv_algo_search": "DEFAULT", "use_tf32": "0"}
         providers.insert(0, ("CUDAExecutionProvider", settings))
+    onnx_external.refuse(path)
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=providers)
     # onnxruntime's errors have no common base but Exception.
