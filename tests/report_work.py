@@ -34,6 +34,7 @@ def made(folder: Path) -> Work:
             first_part=1, failed=(1,), **about,
         )  # fmt: skip
         _segments(work, dataset)
+        _image_features(work, dataset, random)
         _files(folder / "files" / dataset, work, dataset)
     _head(work)
     return work
@@ -63,6 +64,22 @@ def _segments(work: Work, dataset: str) -> None:
         content = tables.from_columns("segments", {n: values.get(n, [None] * 4) for n in names})
         counts = {"ok": 3, "failed": 1, "skipped": 0, "split": ("train", "test")[number]}
         table.commit(number, content, {**counts, "inputs": {}, "fingerprint": "made"})
+
+
+def _image_features(work: Work, dataset: str, random: np.random.Generator) -> None:
+    table = work.table(dataset, "embeddings/images/thumbs")
+    about = {"stage_version": 1, "options": {}, "files": {}, "inputs": ["samples"]}
+    table.bind({"stage": "embed-images", "schema": "image_embeddings", **about})
+    ids = work.table(dataset, "samples").read(0)["sample_id"].to_pylist()
+    values = {
+        "sample_id": ids,
+        "status": ["ok"] * 4,
+        "error": [None] * 4,
+        "embedding": tables.embedding_column(random.normal(size=(4, 5)).astype(np.float32)),
+    }
+    content = tables.from_columns("image_embeddings", values)
+    counts = {"ok": 4, "failed": 0, "skipped": 0, "split": "train"}
+    table.commit(0, content, {**counts, "inputs": {}, "fingerprint": "made"})
 
 
 def _files(root: Path, work: Work, dataset: str) -> None:

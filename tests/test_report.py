@@ -51,7 +51,7 @@ def test_has_every_section_and_says_what_failed(page):
     for part in (*headings, "Heads", "Head small", "embeddings/occupancy/minilm"):
         assert part in words
     assert "the weights of epoch 3 were kept" in words
-    for title in ("wrong or poor, protocol rsa", "Comparison rsa", "on test images"):
+    for title in ("wrong or poor, protocol rsa", "Comparison rsa", "on test images", "8 images"):
         assert title in words
     assert "paper: rooms: the paper reports nothing on folder" in words
 

@@ -21,7 +21,7 @@ _POINTS, _PARTS, _TYPES = 900, 4, 24
 class Features:
     """Features of the plain captions of a sample of images.
 
-    rows : dataset, scene and caption of each. values : float32 (n, dim).
+    rows : dataset, scene and caption (or sample_id) of each. values : float32 (n, dim).
     """
 
     rows: list[tuple[str, str, str]]
@@ -35,7 +35,10 @@ def meaning(work: Work) -> Html:
             name
             for dataset in work.datasets()
             for name in work.tables(dataset)
-            if name.startswith("embeddings/") and work.table(dataset, name).parts()
+            # Proposals are a list of features an image: there is no point to draw.
+            if name.startswith("embeddings/")
+            and not name.startswith("embeddings/proposals/")
+            and work.table(dataset, name).parts()
         }
     )
     drawn: list[Html] = []
@@ -58,18 +61,25 @@ def sample(work: Work, kind: str) -> Features:
         numbers = spread(work.table(dataset, kind).parts(), _PARTS)
         for number in numbers:
             part = TestPart(work, dataset, number, depth="")
-            captions = f"captions/{kind.split('/')[1]}"
+            style = kind.split("/")[1]
+            captions = None if style == "images" else f"captions/{style}"
             features, there = part.features(kind, captions)
-            texts = work.table(dataset, captions).read(number, ["sample_id", "variant", "text"])
-            texts = texts.filter(pc.equal(texts["variant"], 0))
-            told = dict(zip(texts["sample_id"].to_pylist(), texts["text"].to_pylist(), strict=True))
+            told = _plain(work, dataset, captions, number) if captions else {}
             most = max(_POINTS // (len(datasets) * len(numbers)), 1)
             chosen = spread(np.flatnonzero(there).tolist(), most)
             values.append(features[chosen])
             for k in chosen:
                 s = part.samples[k]
-                rows.append((dataset, s["scene"], told[s["sample_id"]]))
+                words = told.get(s["sample_id"], s["sample_id"])
+                rows.append((dataset, s["scene"], words))
     return Features(rows, np.concatenate(values) if values else np.zeros((0, 1), np.float32))
+
+
+def _plain(work: Work, dataset: str, captions: str, number: int) -> dict[str, str]:
+    """The plain caption of each sample of a part."""
+    texts = work.table(dataset, captions).read(number, ["sample_id", "variant", "text"])
+    texts = texts.filter(pc.equal(texts["variant"], 0))
+    return dict(zip(texts["sample_id"].to_pylist(), texts["text"].to_pylist(), strict=True))
 
 
 def _heads_of(work: Work, kind: str) -> list[tuple[str, ScaleHead]]:
@@ -81,7 +91,7 @@ def _heads_of(work: Work, kind: str) -> list[tuple[str, ScaleHead]]:
         features = about.get("features", {})
         control = about.get("options", {}).get("control", "none")
         same = (features.get("style"), features.get("encoder")) == (style, encoder)
-        if same and control == "none":
+        if same and control == "none" and "images" not in features:
             found.append((name, ScaleHead.load(f"{work.store.location}/heads/{name}")))
     return found
 
@@ -102,7 +112,8 @@ def _map(kind: str, found: Features, heads: list[tuple[str, ScaleHead]]) -> list
     places, share = components(found.values)
     hints = [f"{dataset}, {scene}: {text}" for dataset, scene, text in found.rows]
     across, up = (f"principal component {k + 1} ({share[k]:.0%} of the variance)" for k in (0, 1))
-    title = f"{kind}: {len(hints):,} plain captions"
+    what = "images" if kind.startswith("embeddings/images/") else "plain captions"
+    title = f"{kind}: {len(hints):,} {what}"
     datasets = [row[0] for row in found.rows]
     drawn = [plots.scatter(f"{title}, by dataset", places, across, up, hints, group=datasets)]
     for name, head in heads:
