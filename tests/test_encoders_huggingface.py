@@ -191,3 +191,23 @@ def test_names_that_are_nowhere_say_so(tmp_path, monkeypatch):
         build(encoder="hf:/no/such/dir")
     with pytest.raises(UsageError, match="hf:NAME_OR_DIR"):
         build(encoder="hf")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "save", [save_clip, save_siglip, save_sentence], ids=lambda save: save.__name__[5:]
+)
+def test_exported_graphs_give_the_features_of_torch(save, tmp_path, monkeypatch):
+    pytest.importorskip("onnxscript")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "model").mkdir()
+    save(tmp_path / "model")
+    found, expected = (
+        tables.embedding_array(
+            build(encoder=f"hf:{tmp_path / 'model'}", runtime=runtime, store="float32")(
+                captions(TEXTS)
+            )
+        )
+        for runtime in ("onnx", "torch")
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)

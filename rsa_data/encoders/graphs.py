@@ -90,22 +90,29 @@ def _export(model: TextModel, path: Path) -> None:
     batch = next(model.batches(_probe(model)[:4], 10_000))[1]
     # Axes that are 0 or 1 in the example would be taken for constants: these have more.
     dims = {axis: torch.export.Dim(axis, min=2) for axes in model.axes.values() for axis in axes}
-    with _quiet():
-        program = torch.onnx.export(
-            model.module.eval(),
-            (),
-            kwargs={name: torch.from_numpy(batch[name]) for name in model.axes},
-            dynamo=True,
-            dynamic_shapes={
-                name: {i: dims[axis] for i, axis in enumerate(axes)}
-                for name, axes in model.axes.items()
-            },
-            input_names=list(model.axes),
-            output_names=["features"],
-            verbose=False,
-        )
-        assert program is not None
-        program.save(path, external_data=False)
+    try:
+        with _quiet():
+            program = torch.onnx.export(
+                model.module.eval(),
+                (),
+                kwargs={name: torch.from_numpy(batch[name]) for name in model.axes},
+                dynamo=True,
+                dynamic_shapes={
+                    name: {i: dims[axis] for i, axis in enumerate(axes)}
+                    for name, axes in model.axes.items()
+                },
+                input_names=list(model.axes),
+                output_names=["features"],
+                verbose=False,
+            )
+            assert program is not None
+            program.save(path, external_data=False)
+    # The exporter raises errors of many kinds for what it cannot translate.
+    except Exception as error:
+        reason = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise RsaDataError(
+            f"this encoder cannot be exported as an ONNX graph: {reason}. Use --runtime torch"
+        ) from error
     _check(model, path)
 
 
