@@ -97,7 +97,13 @@ def test_every_form_gives_the_same_tower(write, tmp_path):
 
 def test_half_precision_torchscript_becomes_float32(tmp_path):
     halves = {name: value.half() for name, value in state().items()}
-    torch.jit.save(scripted({**halves, "visual.conv1.weight": torch.ones(2)}), tmp_path / "RN50.pt")
+    others = {
+        "visual.conv1.weight": torch.ones(2),
+        "transformer.resblocks.0.attn_mask": torch.ones(8, 8),
+        "logit_scale": torch.tensor(4.6),
+        "input_resolution": torch.tensor(224.0),
+    }
+    torch.jit.save(scripted({**halves, **others}), tmp_path / "RN50.pt")
     found = read_text_tower(tmp_path / "RN50.pt", **TINY).state_dict()
     assert all(torch.equal(found[name], value.float()) for name, value in halves.items())
 

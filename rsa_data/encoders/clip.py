@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _IMAGE = "visual."
 _NOT_TEXT = (_IMAGE, "logit_scale", "logit_bias")
 _SCALARS = ("input_resolution", "context_length", "vocab_size")
+# The causal mask, a constant that TorchScript archives may carry in every block.
+_MASK = "attn_mask"
 
 
 def read_text_tower(path: Path, **sizes: int) -> "TextTower":
@@ -34,7 +36,7 @@ def read_text_tower(path: Path, **sizes: int) -> "TextTower":
     text = {
         name: tensor
         for name, tensor in tensors.items()
-        if not name.startswith(_NOT_TEXT) and name not in _SCALARS
+        if not name.startswith(_NOT_TEXT) and name not in _SCALARS and not name.endswith(_MASK)
     }
     if not text:
         raise RsaDataError(f"{path}: expected CLIP's text tower; found other tensors only")
