@@ -41,8 +41,8 @@ def build(
     store : type of the stored features; float16 rounds each value by up to 4.9e-4 of itself.
     normalize : scale each feature to norm 1; the paper's heads want CLIP's features raw. An
         encoder whose own definition ends in a normalisation has it in any case.
-    runtime : torch, or ONNX Runtime (float32 and int8 on a CPU; needs the extra `export`); auto
-        takes the faster one that is installed.
+    runtime : torch or onnx; auto takes the faster one that is installed. ONNX Runtime runs float32
+        and int8 on a CPU, and needs the extra `export` to make its graph the first time.
     device : where the encoder runs; auto takes a GPU when there is one.
     threads : CPU threads of each worker; they can change the last bits of a feature.
     audit_head : a trained head: the comparison with float32 then also shows what becomes of scale
