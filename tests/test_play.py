@@ -48,3 +48,12 @@ def test_cloud_leaves_out_what_is_infinitely_far():
 def test_large_pictures_are_thinned():
     scene = picture(np.full((1000, 1500), 0.5, np.float32))
     assert len(desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))[0]) <= 20_000
+
+
+def test_colours_of_a_cloud_are_those_of_a_larger_picture():
+    y = np.full((40, 60), 0.5, np.float32)
+    image = np.zeros((80, 120, 3), np.uint8)
+    image[40:] = 255
+    scene = desk.Picture("a", image, None, "", y, "", None, (50.0, 50.0, 30.0, 20.0), False)
+    points, colours = desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))
+    np.testing.assert_array_equal(colours[:, 0], (points[:, 1] <= 0).astype(float))

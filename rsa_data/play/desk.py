@@ -13,12 +13,12 @@ from ..heads.metric import to_metric
 from ..heads.predict import Prediction, from_captions
 from ..images import MAX_PIXELS, read_image
 from ..parts import Work
-from ..report.samples import Sample, one
+from ..report.samples import one
 from ..segmenters import Segments
 
 # A picture's horizontal field of view where nothing tells its camera: that of many phones.
 _VIEW = np.deg2rad(65.0)
-_POINTS = 20_000
+_POINTS, _LONGEST = 20_000, 800
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,10 @@ def sample_ids(models: Models, most: int = 40) -> list[str]:
 class Picture:
     """A picture with what is known of it.
 
-    image : uint8 (h, w, 3), RGB. y : float32 (h, w), relative depth, or None; why : the reason.
+    image : uint8 (height, width, 3), RGB. segments : in px of it, or None.
+    y : float32 (h, w), relative depth, of any size, or None; why : the reason.
     truth : float32 (h, w), m, 0 where there is none, or None.
-    camera : fx, fy, cx, cy in px; guessed : nobody told them.
+    camera : fx, fy, cx, cy in px of y; guessed : nobody told them.
     """
 
     name: str
@@ -95,34 +96,35 @@ def of_sample(models: Models, sample_id: str) -> Picture:
     except RowError as error:
         raise RsaDataError(f"{sample_id}: {error}") from error
     why = "" if sample.relative is not None else "this sample has no whole depth map"
-    y, truth, image = _together(sample.relative, sample.truth, image)
+    y, truth = _thin(sample.relative), _thin(sample.truth)
     given = [sample.row[k] for k in ("fx", "fy", "cx", "cy")]
-    camera, guessed = _camera(image, None if None in given else given, sample)
+    shape = image.shape[:2] if y is None else y.shape
+    camera, guessed = _camera(shape, None if None in given else given, image.shape[1])
     style = f"{models.head.description['features']['style']}: "
     texts = [c.removeprefix(style) for c in sample.captions if c.startswith(style)]
     return Picture(sample_id, image, sample.segments, texts[0] if texts else "An image.",
                    y, why, truth, camera, guessed)  # fmt: skip
 
 
-def _together(
-    y: np.ndarray | None, truth: np.ndarray | None, image: np.ndarray
-) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray]:
-    """Maps and image of one size: the maps'."""
-    if y is None or y.shape == image.shape[:2]:
-        return y, truth, image
-    from ..pictures.drawing import resized
-
-    return y, truth, resized(image, y.shape[1], y.shape[0])
+def _thin(values: np.ndarray | None) -> np.ndarray | None:
+    """A map of at most 800 px, every so many pixels of it: what follows a caption at once."""
+    if values is None:
+        return None
+    step = -(-max(values.shape) // _LONGEST)
+    return values[::step, ::step]
 
 
 def _camera(
-    image: np.ndarray, given: list[float] | None, sample: Sample | None = None
+    shape: tuple[int, ...], given: list[float] | None, width: float | None = None
 ) -> tuple[tuple[float, float, float, float], bool]:
-    height, width = image.shape[:2]
+    """fx, fy, cx, cy in px of a map of this shape, and whether they are guessed.
+
+    given : in px of an image of this width; None where nobody knows.
+    """
     if given is None:
-        f = width / 2 / np.tan(_VIEW / 2)
-        return (f, f, width / 2, height / 2), True
-    zoom = width / ((sample.row["width"] if sample else None) or 2 * given[2])
+        f = shape[1] / 2 / np.tan(_VIEW / 2)
+        return (f, f, shape[1] / 2, shape[0] / 2), True
+    zoom = shape[1] / (width or 2 * given[2])
     fx, fy, cx, cy = (float(v) * zoom for v in given)
     return (fx, fy, cx, cy), False
 
@@ -154,7 +156,8 @@ def of_file(models: Models, path: Path) -> Picture:
         y, _ = describe.relative_of(about, path, path.name, None, models.depth_weights)
     except RsaDataError as error:
         why.append(f"No depth: {error}")
-    camera, guessed = _camera(image, None)
+    y = _thin(y)
+    camera, guessed = _camera(image.shape if y is None else y.shape, None)
     return Picture(path.name, image, segments, caption, y, " ".join(why), None, camera, guessed)
 
 
@@ -207,4 +210,6 @@ def cloud(picture: Picture, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     u, v, z = u[good], v[good], z[good]
     fx, fy, cx, cy = picture.camera
     points = np.stack([(u - cx) / fx * z, (cy - v) / fy * z, -z], 1)
-    return points, picture.image[v, u] / 255
+    down, across = (np.array(picture.image.shape[:2]) / depth.shape).tolist()
+    colours = picture.image[(v * down).astype(int), (u * across).astype(int)]
+    return points, colours / 255
