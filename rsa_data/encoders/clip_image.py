@@ -42,7 +42,7 @@ class AttentionPool(nn.Module):
     def __init__(self, places: int, width: int, heads: int, dim: int):
         super().__init__()
         self.heads = heads
-        self.positional_embedding = nn.Parameter(torch.empty(places + 1, width))
+        self.positional_embedding = nn.Parameter(torch.zeros(places + 1, width))
         self.q_proj, self.k_proj = nn.Linear(width, width), nn.Linear(width, width)
         self.v_proj, self.c_proj = nn.Linear(width, width), nn.Linear(width, dim)
 

@@ -17,8 +17,8 @@ class Attention(nn.Module):
     def __init__(self, width: int, heads: int):
         super().__init__()
         self.heads = heads
-        self.in_proj_weight = nn.Parameter(torch.empty(3 * width, width))
-        self.in_proj_bias = nn.Parameter(torch.empty(3 * width))
+        self.in_proj_weight = nn.Parameter(torch.zeros(3 * width, width))
+        self.in_proj_bias = nn.Parameter(torch.zeros(3 * width))
         self.out_proj = nn.Linear(width, width)
 
     def forward(self, x: torch.Tensor, paths: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
@@ -94,11 +94,11 @@ class TextTower(nn.Module):
     ):
         super().__init__()
         self.token_embedding = nn.Embedding(vocabulary, width)
-        self.positional_embedding = nn.Parameter(torch.empty(context, width))
+        self.positional_embedding = nn.Parameter(torch.zeros(context, width))
         self.blocks = [Block(width, heads) for _ in range(layers)]
         self.transformer = nn.ModuleDict({"resblocks": nn.ModuleList(self.blocks)})
         self.ln_final = nn.LayerNorm(width)
-        self.text_projection = nn.Parameter(torch.empty(width, dim))
+        self.text_projection = nn.Parameter(torch.zeros(width, dim))
 
     def forward(
         self,
