@@ -119,7 +119,9 @@ def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
             # pycocotools' arrays do not know numpy 2's copy argument yet.
             warnings.simplefilter("ignore", DeprecationWarning)
             return coco_mask.decode(given).astype(bool)
-    except (TypeError, ValueError, KeyError) as error:
+    except RowError:
+        raise
+    except Exception as error:  # pycocotools raises nearly every built-in kind
         raise RowError(f"expected a segmentation as RLE or polygons: {error}") from error
 
 
