@@ -90,13 +90,16 @@ def pending(job: "Job", description: dict[str, Any], numbers: Iterable[int]) -> 
     """(parts to do, those of them that were done before from an input that has changed since)."""
     output = job.table(job.output)
     done = set(output.parts())
+    known = [number for number in numbers if number in done]
+    receipts = output.receipts(known)
+    inputs = {name: job.table(name).receipts(known) for name in job.inputs}
     todo, stale = [], []
     for number in numbers:
         if number not in done:
             todo.append(number)
-        elif output.receipt(number)["fingerprint"] != part_fingerprint(
-            description, part_inputs(job, number)
-        ):
+            continue
+        digests = {name: of[number]["digest"] for name, of in inputs.items()}
+        if receipts[number]["fingerprint"] != part_fingerprint(description, digests):
             todo.append(number)
             stale.append(number)
     return todo, stale

@@ -58,13 +58,15 @@ def check_space(job: Job, receipts: list[dict[str, Any]], left: Iterable[int]) -
     if free is None or not receipts:
         return
     used: dict[str, list[int]] = {}
+    left = list(left)
+    known = samples.receipts([*(receipt["part"] for receipt in receipts), *left])
     for receipt in receipts:
         sums = used.setdefault(receipt["split"], [0, 0])
         sums[0] += receipt["bytes"]
-        sums[1] += samples.receipt(receipt["part"])["rows"]
+        sums[1] += known[receipt["part"]]["rows"]
     need = 0.0
     for number in left:
-        receipt = samples.receipt(number)
+        receipt = known[number]
         if receipt["split"] in used:
             count, rows = used[receipt["split"]]
             need += count / rows * receipt["rows"] if rows else 0

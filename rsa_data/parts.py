@@ -8,10 +8,10 @@ Nothing that depends on time, host or worker stands in any of them: the same wor
 """
 
 import hashlib
-import io
 import json
 import re
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +19,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from . import tables
+from .canonical import differences, encoded, short
+from .canonical import fingerprint as fingerprint
+from .canonical import to_json as to_json
 from .errors import RsaDataError, TransientError
 from .storage import failpoint, open_store
 
 _RECEIPT = re.compile(r"part-(\d{5,})\.json")
 _DATA = re.compile(r"part-(\d{5,})-[0-9a-f]{12}\.parquet")
-
-
-def to_json(value: Any) -> bytes:
-    """JSON with sorted keys: the same value gives the same bytes."""
-    return (json.dumps(value, sort_keys=True, indent=1, ensure_ascii=False) + "\n").encode()
-
-
-def fingerprint(value: Any) -> str:
-    """sha256 of a JSON value."""
-    return hashlib.sha256(to_json(value)).hexdigest()
 
 
 class Work:
@@ -110,6 +103,13 @@ class Parts:
                 "Delete it to make the part again."
             ) from error
 
+    def receipts(self, numbers: list[int]) -> dict[int, dict[str, Any]]:
+        """The receipts of parts that are done, by number; read side by side where that pays."""
+        if self.store.at_once == 1:
+            return {number: self.receipt(number) for number in numbers}
+        with ThreadPoolExecutor(self.store.at_once) as pool:
+            return dict(zip(numbers, pool.map(self.receipt, numbers), strict=True))
+
     def read(
         self,
         number: int,
@@ -159,8 +159,8 @@ class Parts:
         self.store.create(f"{self.path}/table.json", to_json(description))
         there = self.description()
         different = [
-            f"{where}: the table has {_short(old)}, this run has {_short(new)}"
-            for where, old, new in _differences(there, description)
+            f"{where}: the table has {short(old)}, this run has {short(new)}"
+            for where, old, new in differences(there, description)
             if not where.startswith("made_with")
         ]
         if different:
@@ -230,7 +230,7 @@ class Parts:
         if done != expected:
             self.store.delete(f"{self.path}/manifest.json")
             return None
-        receipts = [self.receipt(number) for number in done]
+        receipts = list(self.receipts(done).values())
         total = {key: sum(r[key] for r in receipts) for key in _COUNTS}
         merged = {**total, "parts": receipts}
         data = to_json(merged)
@@ -279,42 +279,4 @@ class Parts:
         return f"{self.path}/part-{number:05d}.json"
 
 
-def encoded(table: pa.Table) -> memoryview:
-    """A table as the bytes of a Parquet file; the same table gives the same bytes."""
-    buffer = io.BytesIO()
-    # Dictionary pages and statistics cost time and say nothing for long unique values.
-    plain = [
-        f.name
-        for f in table.schema
-        if pa.types.is_fixed_size_binary(f.type) or pa.types.is_binary(f.type)
-    ]
-    pq.write_table(
-        table,
-        buffer,
-        row_group_size=20_000,
-        compression={f.name: "none" if f.name in plain else "zstd" for f in table.schema},
-        use_dictionary=[f.name for f in table.schema if f.name not in plain],
-        write_statistics=[f.name for f in table.schema if f.name not in plain],
-    )
-    return buffer.getbuffer()
-
-
 _COUNTS = ("rows", "bytes", "ok", "failed", "skipped")
-
-
-def _differences(old: Any, new: Any, where: str = "") -> list[tuple[str, Any, Any]]:
-    """Paths at which two JSON values differ, with both values."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        return [
-            difference
-            for key in sorted(old.keys() | new.keys())
-            for difference in _differences(
-                old.get(key), new.get(key), f"{where}.{key}" if where else key
-            )
-        ]
-    return [] if old == new else [(where, old, new)]
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -4,9 +4,8 @@ import re
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Any, Protocol
+from typing import Any
 
 import pyarrow.compute as pc
 
@@ -16,49 +15,8 @@ from .errors import RsaDataError, TransientError, UsageError
 from .logs import RunLog
 from .parts import Work
 from .stages import Job
-
-
-class Bar(Protocol):
-    """What shows progress: tqdm, or plain lines."""
-
-    def update(self, rows: int) -> Any:
-        """Says that this many more rows are done."""
-
-    def close(self) -> None:
-        """No more is to come."""
-
-
-@dataclass(frozen=True)
-class Summary:
-    """What a run did and what the table holds now.
-
-    done : parts made in this run; kept : parts that were there; stale : of the parts made, those
-        made again because their input had changed; undone : parts left for a later run, with why.
-    rows, ok, failed, skipped, bytes : of the selected parts. seconds : of this run.
-    worked : samples or texts that this run accounted for, for the rate.
-    notes : what the stage has to say of its output, in sentences.
-    """
-
-    output: str
-    done: int
-    kept: int
-    stale: int
-    undone: dict[int, str]
-    rows: int
-    ok: int
-    failed: int
-    skipped: int
-    bytes: int
-    seconds: float
-    worked: int
-    reasons: list[tuple[str, int]]
-    notes: list[str]
-
-    @staticmethod
-    def nothing(output: str) -> "Summary":
-        """Of a run that did not take place."""
-        return Summary(output, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [])
-
+from .summary import Bar as Bar
+from .summary import Summary as Summary
 
 _HERE = engines.How()
 
@@ -98,7 +56,8 @@ def run(
     if redo_failed:
         again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
         tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
-    sizes = {t.number: units(job.table(job.inputs[0]).receipt(t.number)) for t in tasks}
+    came = job.table(job.inputs[0]).receipts([task.number for task in tasks])
+    sizes = {number: units(receipt) for number, receipt in came.items()}
     undone: dict[int, str] = {}
     shown = bar(f"{job.dataset} {job.stage}", sum(sizes.values()))
     with RunLog(work, job.dataset, job.output) as log:
@@ -114,7 +73,8 @@ def run(
         output.manifest(work.table(job.dataset, "samples").parts())
         if tasks:
             log.write("end", done=len(tasks) - len(undone), undone=len(undone))
-    receipts = [output.receipt(n) for n in numbers if n not in undone]
+    there = output.receipts([n for n in numbers if n not in undone])
+    receipts = list(there.values())
     _all_accounted(job, receipts)
     total = {k: sum(r[k] for r in receipts) for k in ("rows", "ok", "failed", "skipped", "bytes")}
     return Summary(
@@ -124,7 +84,7 @@ def run(
         stale=len(stale),
         undone=undone,
         seconds=time.monotonic() - begun,
-        worked=sum(units(output.receipt(n)) for n in sizes if n not in undone),
+        worked=sum(units(there[n]) for n in sizes if n not in undone),
         reasons=reasons(job, [n for n in numbers if n not in undone]) if total["failed"] else [],
         notes=steps.notes(job, [r["part"] for r in receipts]) if tasks else [],
         **total,
@@ -172,7 +132,7 @@ def _watched(
     output = job.table(job.output)
     left = {task.number for task in tasks}
     ended: list[dict[str, Any]] = []
-    limits.check_space(job, [output.receipt(n) for n in output.parts()], left)
+    limits.check_space(job, list(output.receipts(output.parts()).values()), left)
     for result in engines.run(job, description, tasks, engine, on_rows):
         left.discard(result.number)
         finished += sizes[result.number]
@@ -227,9 +187,9 @@ def _all_accounted(job: Job, receipts: list[dict[str, Any]]) -> None:
     """ok + failed + skipped is what the samples table has, for stages that count samples."""
     if stages.STAGES[job.stage].unit != "sample_id":
         return
-    samples = job.table("samples")
+    samples = job.table("samples").receipts([receipt["part"] for receipt in receipts])
     for receipt in receipts:
-        expected = samples.receipt(receipt["part"])["rows"]
+        expected = samples[receipt["part"]]["rows"]
         if units(receipt) != expected:
             raise RsaDataError(
                 f"{job.table(job.output)}: part {receipt['part']}: expected {expected} samples "
@@ -244,7 +204,7 @@ def select(
     samples = work.table(dataset, "samples")
     numbers = samples.parts()
     if split is not None:
-        splits = {n: samples.receipt(n)["split"] for n in numbers}
+        splits = {n: receipt["split"] for n, receipt in samples.receipts(numbers).items()}
         if split not in splits.values():
             raise UsageError(
                 f"{dataset}: no split {split!r}; there are: {', '.join(sorted({*splits.values()}))}"

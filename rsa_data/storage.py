@@ -38,6 +38,8 @@ class Store(Protocol):
     """
 
     location: str
+    # Requests that are best made side by side: 1 where each is answered at once.
+    at_once: int
 
     def read(self, path: str) -> bytes | None:
         """The whole file, or None when there is none."""

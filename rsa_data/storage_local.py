@@ -21,6 +21,8 @@ from .storage import failpoint
 class LocalStore:
     """A folder of the local file system, or of a network file system with atomic rename."""
 
+    at_once = 1
+
     def __init__(self, folder: Path | str):
         self.folder = Path(folder)
         self.location = str(folder)

@@ -34,6 +34,8 @@ class S3Store:
     (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL_S3 ...), ~/.aws, or the machine's role.
     """
 
+    at_once = 32
+
     def __init__(self, location: str):
         self.location = location.rstrip("/")
         bucket, _, prefix = self.location.removeprefix("s3://").partition("/")
@@ -159,6 +161,7 @@ def _client() -> Any:
         from botocore.config import Config
     config = Config(
         retries={"mode": "standard", "total_max_attempts": _TRIES},
+        max_pool_connections=S3Store.at_once,
         connect_timeout=10,
         read_timeout=60,
         # Parts are compared by sha256 already; not every S3-like store knows S3's own checksums.
