@@ -8,7 +8,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 import rooms
 
-from rsa_data import run, verify
+from rsa_data import run, status, verify
+from rsa_data.engines import How
 from rsa_data.errors import RsaDataError, TransientError
 from rsa_data.parts import Work
 from rsa_data.storage import open_store
@@ -134,6 +135,13 @@ def test_a_stage_gives_the_same_bytes_as_in_a_folder(place, tmp_path):
     assert kept[place] == kept[str(tmp_path)]
     assert len(kept[place]) == 3 * 2 + 2
     assert [name for name in open_store(place).list("logs") if name.startswith("rooms.captions")]
+
+
+def test_worker_processes_commit_to_a_bucket(place):
+    work = rooms.made(place, parts=3)
+    summary = run.run(rooms.captions_job(work), engine=How(workers=2), bar=rooms.NoBar)
+    assert (summary.done, summary.ok) == (3, 150)
+    assert "captions/occupancy" in "\n".join(status.status(work))
 
 
 @pytest.mark.parametrize("trouble", ["503", "cut", "lost", "half"])
