@@ -36,7 +36,7 @@ keep theirs in `WORK/heads/NAME`. Beside the parts stand
 - `manifest.json`: all receipts, once every part is done.
 
 Part n of every table of a dataset belongs to the same samples. Any Parquet reader opens a part:
-`pandas.read_parquet("work/nyuv2/captions/occupancy")`.
+`pandas.read_parquet(sorted(glob.glob("work/nyuv2/captions/occupancy/part-*.parquet"))[0])`.
 
 A schema's version goes up when a column changes its meaning or type; CHANGELOG.md says then what to
 do with tables of the version before.

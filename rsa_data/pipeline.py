@@ -77,6 +77,19 @@ def samples(
     return dataset.name
 
 
+def check_names(*, source: str | None = None, style: str | None = None, own: bool = False) -> None:
+    """Refuses unknown segmenters and styles before anything is written.
+
+    own : the segmenter is a model with a card of the user's own, so any name will do.
+    """
+    for kind, table, choice in (
+        ("segmenter", registry.SEGMENTERS, None if own else source),
+        ("style", registry.STYLES, style),
+    ):
+        if choice is not None and (name := choice.partition(":")[0]) not in table:
+            raise registry.unknown(kind, name, table)
+
+
 def stage(
     work: Work,
     name: str,

@@ -39,6 +39,7 @@ def detect(
     \b
       rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx --preview 12
     """
+    pipeline.check_names(source=options["source"], own=options["model_card"] is not None)
     name = pipeline.samples(work, dataset, given, root=root, source=options["source"])
     pipeline.stage(work, "detect", name, options, how, root=root)
     if preview and how.plan is None:
@@ -69,6 +70,7 @@ def captions(
       rsa-data captions --dataset nyuv2
       rsa-data captions --dataset nyuv2 --segments rsa-release:RSA/text
     """
+    pipeline.check_names(source=segments, style=options["style"])
     name = pipeline.samples(work, dataset, given, root=root, source=segments or "")
     pipeline.captions(work, name, options, how, segments=segments, detect={}, root=root)
     say_next(work, f"embed --dataset {name}")

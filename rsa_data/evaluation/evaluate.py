@@ -1,5 +1,6 @@
 """`evaluate`: a head on the test splits, beside what bounds it and what it must beat."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -157,6 +158,15 @@ def notes(about: Mapping[str, Any], rows: Sequence[Row], protocol: str) -> list[
             said.append(f"{name}: one scene only, so nothing is said about others; no interval.")
         if "one block" in trained.get(name, {}).get("validation", ""):
             said.append(f"{name}: its best epoch was chosen on frames of the training scene.")
+        errors = {row.method: row.mean["abs_rel"] for row in own}
+        if (
+            min(errors.get("constant", math.inf), errors.get("constant (L1)", math.inf))
+            <= (own[0].mean["abs_rel"])
+        ):
+            said.append(
+                f"{name}: {own[0].method} does not beat a constant scale and shift in AbsRel: its "
+                "captions told it nothing that helps here."
+            )
         failed = {row.method: row.failed for row in own if row.failed}
         if failed and len(set(failed.values())) == 1 and len(failed) == len(own):
             said.append(f"{name}: {own[0].failed} images failed: see error in metrics.parquet.")

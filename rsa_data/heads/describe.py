@@ -82,12 +82,27 @@ def look(
         for n in names
     ]
     samples = pa.Table.from_pylist(rows, tables.schema("samples"))
-    source = segmenter or detect.DEFAULT
-    segments = detect.build(dataset=folder(), root=root, source=source, model=model)(samples)
+    source = segmenter or _segmenter_of(about)
+    try:
+        segments = detect.build(dataset=folder(), root=root, source=source, model=model)(samples)
+    except RsaDataError as error:
+        # What detect calls --model is --segmenter-model here.
+        told = str(error).replace("--model FILE of `rsa-data detect`", "--segmenter-model FILE")
+        raise type(error)(told) from error
     for row in segments.select(["status", "error"]).to_pylist():
         if row["status"] != "ok":
             raise RsaDataError(f"--image: {row['error']}")
     return segments, write.build(**{**options, "variants": 1})(segments, samples)
+
+
+def _segmenter_of(about: dict[str, Any]) -> str:
+    """The model that described the images a head was trained on, if it was one; or the default."""
+    from .. import registry
+    from ..segmenters import detect
+
+    used = {table.partition("/")[2] for table in about.get("segments", {}).values()}
+    known = [n for n in used if registry.SEGMENTERS.get(n) == registry.SEGMENTERS[detect.DEFAULT]]
+    return known[0] if len(known) == 1 else detect.DEFAULT
 
 
 def relative_of(

@@ -181,6 +181,12 @@ def describe(
             }
             for i, name in enumerate(names)
         },
+        # What found the objects, so that new images are described by the same.
+        "segments": {
+            s.dataset: work.table(s.dataset, s.captions).description()["inputs"][0]
+            for s in plan.sources
+            if s.captions
+        },
         "captions": {
             s.dataset: work.table(s.dataset, s.captions).description()["options"]
             for s in plan.sources
