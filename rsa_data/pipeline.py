@@ -12,6 +12,7 @@ from .errors import RsaDataError
 from .parts import Work
 from .run import Bar, Summary
 from .segmenters.rsa_release import index_release
+from .status import outdated
 
 
 @dataclass(frozen=True)
@@ -117,13 +118,17 @@ def stage(
         bar=how.bar,
     )
     how.tell(name, dataset, summary)
+    _all_done(summary)
+    return summary
+
+
+def _all_done(summary: Summary) -> None:
     if summary.undone:
         number, why = next(iter(summary.undone.items()))
         raise RsaDataError(
             f"{summary.output}: {len(summary.undone)} parts are not done; part {number}: {why}. "
             "What is done is kept: run the same command again"
         )
-    return summary
 
 
 def captions(
@@ -194,19 +199,22 @@ def known_datasets(work: Work, wanted: tuple[str, ...]) -> list[str]:
 
 
 def retry_failed(work: Work, datasets: list[str], how: How) -> None:
-    """Runs every table that has failed rows again, for those parts, then what was made from them.
+    """Does the parts with failed rows again, in the order data flows, and what came from them.
 
-    Raises RsaDataError when a table was made by options that cannot be found again.
+    Parts that were never done are left to their own command. Raises RsaDataError when a table was
+    made by options that cannot be found again, or a part stays undone.
     """
+    order = list(stages.STAGES)
     for dataset in datasets:
-        for name in work.tables(dataset):
+        made = {
+            name: work.table(dataset, name).description()["stage"] for name in work.tables(dataset)
+        }
+        names = [name for name in made if made[name] in order]
+        for name in sorted(names, key=lambda name: (order.index(made[name]), name)):
             table = work.table(dataset, name)
-            description = table.description()
-            if description["stage"] not in stages.STAGES:
-                continue
-            job = stages.job_of(work, dataset, name)
-            how.tell(
-                description["stage"],
-                dataset,
-                run.run(job, engine=how.engine, bar=how.bar, redo_failed=True),
-            )
+            failed = any(r["failed"] for r in table.receipts(table.parts()).values())
+            if failed or outdated(work, table):
+                job = stages.job_of(work, dataset, name)
+                summary = run.run(job, engine=how.engine, bar=how.bar, redo_failed=True)
+                how.tell(made[name], dataset, summary)
+                _all_done(summary)

@@ -38,7 +38,8 @@ def run(
 ) -> Summary:
     """Brings the job's output up to date for the selected parts.
 
-    part_range : first and last part, last excluded. redo_failed : also parts with failed rows.
+    part_range : first and last part, last excluded. redo_failed : of the parts that are
+        there, those with failed rows and those out of date; no others.
     max_failures : failed rows at which the run stops: a count (int), or a share of the rows of
         this run (float, 0 to 1). bar : (title, total rows) -> something that shows progress.
     """
@@ -54,6 +55,9 @@ def run(
     todo, stale = identity.pending(job, description, numbers)
     tasks = [Task(number) for number in todo]
     if redo_failed:
+        done = set(output.parts())
+        numbers = [number for number in numbers if number in done]
+        tasks = [task for task in tasks if task.number in done]
         again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
         tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
     came = job.table(job.inputs[0]).receipts([task.number for task in tasks])

@@ -1,18 +1,23 @@
 """Runs of a stage: what is out of date, what fails, what ends a run early, two runs at once."""
 
 import hashlib
+import io
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import rooms
+from click.testing import CliRunner
+from PIL import Image
 
 from rsa_data import identity, limits, plan, run, stages, status, steps, tables, verify
+from rsa_data.cli import cli
 from rsa_data.errors import RsaDataError, UsageError
 from rsa_data.parts import Work
 
@@ -269,3 +274,35 @@ def test_failed_rows_are_tried_again_on_request(tmp_path):
     job = rooms.captions_job(work)
     assert run.run(job, bar=rooms.NoBar, redo_failed=True).done == 1
     assert table.receipt(1) == good
+
+
+def test_mended_inputs_are_taken_in_by_retry_failed(tmp_path):
+    images, labels, work = tmp_path / "images", tmp_path / "labels", tmp_path / "work"
+    good = io.BytesIO()
+    Image.fromarray(np.arange(12, dtype=np.uint8).reshape(3, 4) % 3).save(good, "PNG")
+    for number in range(6):
+        for folder in (images, labels):
+            folder.mkdir(exist_ok=True)
+            (folder / f"{number}.png").write_bytes(good.getvalue())
+    (labels / "4.png").write_bytes(b"broken")
+
+    def call(*words: object) -> str:
+        result = CliRunner().invoke(cli, [*map(str, words), "--work", str(work)])
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    wanted = ("--dataset", "folder:mine", "--root", images, "--dataset-option", "part_size=2")
+    call("detect", *wanted, "--source", f"labels:{labels}", "--names", "nyu13")
+    call("captions", "--dataset", "mine", "--segments", "labels", "--style", "classes")
+    segments, captions_ = (
+        Work(work).table("mine", name) for name in ("segments/labels", "captions/classes")
+    )
+    counts = ("ok", "failed", "skipped")
+    assert [segments.receipt(2)[k] for k in counts] == [1, 1, 0]
+    assert [captions_.receipt(2)[k] for k in counts] == [1, 0, 1]
+    (labels / "4.png").write_bytes(good.getvalue())
+    out = call("retry-failed")
+    assert "captions mine: 6 samples ok" in out
+    assert [segments.receipt(2)[k] for k in counts] == [2, 0, 0]
+    assert [captions_.receipt(2)[k] for k in counts] == [2, 0, 0]
+    assert call("retry-failed") == ""
