@@ -96,7 +96,6 @@ def test_masks(tmp_path, form):
 @pytest.mark.parametrize(
     ("result", "reason"),
     [
-        ({"bbox": [1, 2, 3]}, "expected bbox = [x, y, w, h] or a segmentation, found"),
         (
             {"segmentation": {"size": [10, 8], "counts": [80]}},
             "mask of size [10, 8]: expected the image's [8, 10]",
@@ -109,6 +108,12 @@ def test_bad_results_are_quarantined(tmp_path, result, reason):
     (found,) = run(write(tmp_path / "r.json", [result]), ["7.png"])
     assert found["status"] == "failed"
     assert found["error"].startswith(f"segments/coco-detections: image 7: {reason}")
+
+
+def test_a_file_of_another_form_is_refused_whole(tmp_path):
+    result = {"image_id": 7, "category_id": 1, "score": 1.0, "bbox": [1, 2, 3]}
+    with pytest.raises(RsaDataError, match=r"results\[0\].bbox: expected a list of 4 numbers"):
+        run(write(tmp_path / "r.json", [result]), ["7.png"])
 
 
 def test_annotations_bring_images_sizes_and_classes(tmp_path):
