@@ -29,7 +29,8 @@ def by_scene(dataset: str, scene: np.ndarray, share: float, block: bool) -> tupl
     if not block:
         raise UsageError(
             f"{dataset}: all {len(scene)} training images are of one scene, {names[0]!r}: no scene "
-            "can be held out to choose the best epoch by. --split-scene takes the last frames as a "
+            "can be held out to choose the best epoch by (with test_share, three folders of images "
+            "are needed). --split-scene takes the last frames as a "
             "block instead, and says so in head.json: they look like the training frames, so the "
             "validation error is too good"
         )
