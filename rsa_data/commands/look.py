@@ -45,7 +45,10 @@ def verify(work: str, recompute: int) -> None:
     if recompute:
         problems += checks.recompute(Work(work), recompute, click.echo)
     if problems:
-        raise RsaDataError(f"{problems} problems found; delete a bad part's receipt to make it new")
+        raise RsaDataError(
+            f"{problems} problems found. To make a bad part anew, delete its receipt "
+            "(WORK/DATASET/TABLE/part-NNNNN.json) and run the command of its table again"
+        )
 
 
 @click.command()
