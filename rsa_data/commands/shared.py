@@ -15,6 +15,7 @@ from ..run import Summary
 
 
 def part_range(ctx: click.Context, param: click.Parameter, value: str | None) -> Any:
+    """`0:8` as (0, 8); a usage error for anything else."""
     if value is None:
         return None
     first, colon, last = value.partition(":")
@@ -31,14 +32,17 @@ _HOW = ("split", "part_range", "start_over", "max_failures")
 
 
 def max_failures(ctx: click.Context, param: click.Parameter, value: str) -> float | int:
+    """A count or a share of rows; see `limits.parse_failures`."""
     return limits.parse_failures(value)
 
 
 def memory_limit(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Bytes of a size such as 4GB, or None."""
     return None if value is None else units.parse_size(value, "--memory-limit")
 
 
 def key_values(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> Any:
+    """{name: value} of repeated NAME=VALUE; a usage error for anything else."""
     pairs = [item.partition("=") for item in value]
     for key, equals, _ in pairs:
         if not equals:
@@ -122,16 +126,19 @@ def one_dataset(command: Callable) -> Callable:
 
 
 def tell(stage: str, dataset: str, summary: Summary) -> None:
+    """Prints a stage's summary."""
     for line in console.summary_lines(stage, dataset, summary):
         click.echo(line)
 
 
 def tell_plan(workers: int, stage: str, dataset: str, estimate: plan.Estimate) -> None:
+    """Prints a stage's estimate."""
     for line in plan.lines(stage, dataset, estimate, workers):
         click.echo(line)
 
 
 def say_next(work: Work, command: str) -> None:
+    """Prints the next command to type, with --work where it is not the default."""
     if click.get_current_context().meta.get(PLANNING):
         return
     where = "" if work.store.location == "work" else f" --work {work.store.location}"

@@ -25,6 +25,7 @@ def block(
 
 
 def legs(w: float, d: float, h: float, colour: Colour, thick: float = 0.05) -> list[Solid]:
+    """Four legs below the corners of a top of w by d, m, each `thick` wide and h high."""
     x, y = w / 2 - thick / 2, d / 2 - thick / 2
     return [block(i, j, 0, thick, thick, h, colour) for i in (-x, x) for j in (-y, y)]
 
@@ -32,10 +33,12 @@ def legs(w: float, d: float, h: float, colour: Colour, thick: float = 0.05) -> l
 def plain(
     colour: Colour, texture: str = "", shape: str = BOX
 ) -> Callable[[Size, Colour], list[Solid]]:
+    """A maker of one solid of a fixed colour, of the size it is given."""
     return lambda size, _: [block(0, 0, 0, *size, colour, texture, shape)]
 
 
 def tinted(texture: str = "", shape: str = BOX) -> Callable[[Size, Colour], list[Solid]]:
+    """A maker of one solid of the size and the colour it is given."""
     return lambda size, colour: [block(0, 0, 0, *size, colour, texture, shape)]
 
 
