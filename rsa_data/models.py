@@ -131,8 +131,7 @@ def _unavailable(card: Card, own: Path, option: str, reason: object) -> RsaDataE
     return RsaDataError(
         f"model {card['name']}: its file is not on this machine and the download failed: {reason}\n"
         f"Way out: get {_address(card)}{checksum} where there is a network, and put it at {own}, "
-        f"or name it with {option} FILE"
-        + (" of `rsa-data detect`" if option == "--model" else "")
+        f"or name it with {option} FILE" + (" of `rsa-data detect`" if option == "--model" else "")
     )
 
 
