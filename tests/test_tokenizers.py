@@ -93,7 +93,13 @@ def test_fingerprints_are_those_of_the_vocabulary(name):
 @pytest.mark.parametrize("name", NAMES)
 @settings(deadline=None)
 @given(
-    words=st.lists(st.text(alphabet=st.characters(categories=["L", "N"]), min_size=1), min_size=1)
+    # Not the few letters whose lower case ends in a mark (İ): it joins the comma behind it.
+    words=st.lists(
+        st.text(alphabet=st.characters(categories=["L", "N"]), min_size=1).filter(
+            lambda word: word.lower().isalnum()
+        ),
+        min_size=1,
+    )
 )
 def test_tokens_of_words_add_up_at_commas_and_spaces(name, words):
     tokenizer = named(name)
