@@ -1,4 +1,4 @@
-"""Parts and receipts: tables that appear part by part, are found whole or not at all.
+"""Parts: tables that appear part by part, are found whole or not at all.
 
 A table is a folder with `table.json` (what made it, created once), files of data such as
 `part-00007-1f0c2ab34d5e.parquet`, and receipts such as `part-00007.json`. A file of data is named
@@ -9,9 +9,7 @@ Nothing that depends on time, host or worker stands in any of them: the same wor
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +21,8 @@ from .canonical import differences, encoded, short
 from .canonical import fingerprint as fingerprint
 from .canonical import to_json as to_json
 from .errors import RsaDataError, TransientError
+from .receipts import Receipts
 from .storage import failpoint, open_store
-
-_RECEIPT = re.compile(r"part-(\d{5,})\.json")
-_DATA = re.compile(r"part-(\d{5,})-[0-9a-f]{12}\.parquet")
 
 
 class Work:
@@ -56,15 +52,12 @@ class Work:
         return Parts(self, dataset, name)
 
 
-class Parts:
+class Parts(Receipts):
     """The parts of one table."""
 
     def __init__(self, work: Work, dataset: str, name: str):
-        self.store, self.dataset, self.name = work.store, dataset, name
-        self.path = f"{dataset}/{name}"
-
-    def __str__(self) -> str:
-        return f"{self.store.location}/{self.path}"
+        super().__init__(work.store, f"{dataset}/{name}")
+        self.dataset, self.name = dataset, name
 
     def exists(self) -> bool:
         """Whether the table has been begun."""
@@ -81,34 +74,6 @@ class Parts:
         work = Work.__new__(Work)
         work.store = self.store
         return ", ".join(work.tables(self.dataset)) or "none"
-
-    def parts(self) -> list[int]:
-        """Numbers of the parts that are done, ascending."""
-        return [int(m[1]) for name in self.store.list(self.path) if (m := _RECEIPT.fullmatch(name))]
-
-    def receipt(self, number: int) -> dict[str, Any]:
-        """What a part holds and what it was made from; raises RsaDataError when it is not done."""
-        receipt = self._find(number)
-        if receipt is None:
-            raise RsaDataError(f"{self}: part {number} is not done: it has no receipt")
-        return receipt
-
-    def _find(self, number: int) -> dict[str, Any] | None:
-        data = self.store.read(self._receipt_path(number))
-        try:
-            return None if data is None else json.loads(data)
-        except ValueError as error:
-            raise RsaDataError(
-                f"{self}: {self._receipt_path(number)}: expected a receipt, found {data!r:.60}. "
-                "Delete it to make the part again."
-            ) from error
-
-    def receipts(self, numbers: list[int]) -> dict[int, dict[str, Any]]:
-        """The receipts of parts that are done, by number; read side by side where that pays."""
-        if self.store.at_once == 1:
-            return {number: self.receipt(number) for number in numbers}
-        with ThreadPoolExecutor(self.store.at_once) as pool:
-            return dict(zip(numbers, pool.map(self.receipt, numbers), strict=True))
 
     def read(
         self,
@@ -220,35 +185,6 @@ class Parts:
             self.store.write(f"{self.path}/{name}", data)
         return full
 
-    def manifest(self, expected: list[int]) -> dict[str, Any] | None:
-        """Merges the receipts into manifest.json once all `expected` parts are done, else None.
-
-        Also removes what runs that died have left in the folder.
-        """
-        self._sweep()
-        done = self.parts()
-        if done != expected:
-            self.store.delete(f"{self.path}/manifest.json")
-            return None
-        receipts = list(self.receipts(done).values())
-        total = {key: sum(r[key] for r in receipts) for key in _COUNTS}
-        merged = {**total, "parts": receipts}
-        data = to_json(merged)
-        if self.store.read(f"{self.path}/manifest.json") != data:
-            failpoint("manifest")
-            self.store.write(f"{self.path}/manifest.json", data)
-        failpoint("manifested")
-        return merged
-
-    def stored_manifest(self) -> dict[str, Any] | None:
-        """manifest.json as it lies there, or None when the table is not finished."""
-        data = self.store.read(f"{self.path}/manifest.json")
-        return None if data is None else json.loads(data)
-
-    def complete(self) -> bool:
-        """Whether the table has been finished; an index that was stopped half-way has not."""
-        return self.store.size(f"{self.path}/manifest.json") is not None
-
     def start_over(self) -> None:
         """Deletes the table: receipts first, so that a kill half-way leaves nothing half-valid."""
         names = self.store.list(self.path)
@@ -260,23 +196,3 @@ class Parts:
         self.store.delete(f"{self.path}/local.json")
         self.store.delete(f"{self.path}/table.json")
         self.store.sweep(self.path)
-
-    def _sweep(self) -> None:
-        """Removes data that no receipt names, beside one that names other data."""
-        self.store.sweep(self.path)
-        names = self.store.list(self.path)
-        data: dict[int, list[str]] = {}
-        for name in names:
-            if match := _DATA.fullmatch(name):
-                data.setdefault(int(match[1]), []).append(name)
-        for number, files in data.items():
-            if len(files) > 1 and (receipt := self._find(number)):
-                for name in files:
-                    if name != receipt["file"]:
-                        self.store.delete(f"{self.path}/{name}")
-
-    def _receipt_path(self, number: int) -> str:
-        return f"{self.path}/part-{number:05d}.json"
-
-
-_COUNTS = ("rows", "bytes", "ok", "failed", "skipped")
