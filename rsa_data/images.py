@@ -76,7 +76,8 @@ def read_bytes(path: Path) -> bytes:
     """
     try:
         # A pipe would be waited for without end.
-        if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+        far = not isinstance(path, Path)
+        if not far and not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise RowError("expected a file, found a pipe, socket or device")
         return path.read_bytes()
     except OSError as error:

@@ -14,6 +14,7 @@ from . import registry, tables
 from .datasets import Dataset
 from .errors import RsaDataError, UsageError
 from .parts import Work, fingerprint
+from .roots import is_remote, open_root
 
 
 def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[str, Any]]:
@@ -61,11 +62,13 @@ def find_root(work: Work, name: str, given: Path | None = None) -> Path | None:
     None when there is no such folder and none was asked for by name.
     """
     variable = f"RSA_DATA_{name.upper().replace('-', '_')}_ROOT"
-    wanted = given or (Path(os.environ[variable]) if os.environ.get(variable) else None)
+    wanted = given or (open_root(os.environ[variable]) if os.environ.get(variable) else None)
     if wanted is not None:
         return wanted
-    if (last := work.store.read(f"{name}/root.txt")) is not None and Path(last.decode()).is_dir():
-        return Path(last.decode())
+    if (last := work.store.read(f"{name}/root.txt")) is not None:
+        root = open_root(last.decode())
+        if is_remote(root) or root.is_dir():
+            return root
     return Path("data") / name if (Path("data") / name).is_dir() else None
 
 
@@ -101,7 +104,8 @@ def index(
         if root is None:
             raise missing_root(dataset)
         samples = dataset.index(root, None)
-        work.store.write(f"{dataset.name}/root.txt", str(root.resolve()).encode())
+        place = root if is_remote(root) else root.resolve()
+        work.store.write(f"{dataset.name}/root.txt", str(place).encode())
     samples = _named(samples, dataset.name)
     table = work.table(dataset.name, "samples")
     sizes = {"part_size": part_size, "test_part_size": test_part_size}

@@ -26,6 +26,7 @@ from . import index, options, pipeline, registry, stages, tables
 from .errors import UsageError
 from .parts import Work
 from .pipeline import How
+from .roots import open_root
 
 _ROW_STAGES = ("detect", "captions", "embed", "embed-images", "embed-proposals", "depth")
 _WHOLE = {
@@ -114,7 +115,7 @@ def run(
         choice = name if builder == name else f"{builder}:{name}"
         merged = {s: {**job.get(s, {}), **own.get(s, {})} for s in _ROW_STAGES}
         wanted = {s for s in _ROW_STAGES if s in job or s in own}
-        root = Path(entry["root"]) if "root" in entry else None
+        root = open_root(entry["root"]) if "root" in entry else None
         source = merged["detect"].get("source", "")
         pipeline.samples(work, choice, given, root=root, source=source)
         if "captions" in wanted:

@@ -8,8 +8,9 @@ from typing import Any
 from . import engines, index, registry, run, stages
 from . import plan as planning
 from .captions.write import needs_segments
-from .errors import RsaDataError
+from .errors import RsaDataError, UsageError
 from .parts import Work
+from .roots import is_remote
 from .run import Bar, Summary
 from .segmenters.rsa_release import index_release
 from .status import outdated
@@ -64,10 +65,14 @@ def samples(
         dataset, kept = index.open_dataset(choice, given)
     sizes = {k: kept.pop(k) for k in ("part_size", "test_part_size") if k in kept}
     found = index.find_root(work, dataset.name, root)
-    if root is not None and not root.is_dir() and dataset.prepare is None:
+    if root and not is_remote(root) and not root.is_dir() and dataset.prepare is None:
         raise RsaDataError(f"--root {root}: expected a folder; there is none. See data/README.md")
     if dataset.prepare is not None:
         found = found or Path("data") / dataset.name
+        if is_remote(found):
+            raise UsageError(
+                f"--root {found}: dataset {dataset.name} writes its files: expected a folder"
+            )
         dataset.prepare(found)
     text_only = source.startswith("rsa-release:")
     if found is None and text_only and not table.complete():

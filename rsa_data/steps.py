@@ -2,7 +2,6 @@
 
 import json
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
@@ -12,6 +11,7 @@ from . import index, options
 from .errors import RsaDataError, TransientError
 from .identity import part_fingerprint, part_inputs, same
 from .parts import Work
+from .roots import open_root
 from .stages import STAGES, Job, Step
 
 
@@ -23,7 +23,7 @@ def build_step(job: Job) -> Step:
     if "dataset" in known:
         given["dataset"] = index.load_dataset(Work(job.work), job.dataset)
     if "root" in known:
-        given["root"] = Path(job.root) if job.root else None
+        given["root"] = open_root(job.root) if job.root else None
     return build(**given, **job.options)
 
 

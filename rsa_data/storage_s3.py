@@ -36,13 +36,13 @@ class S3Store:
 
     at_once = 32
 
-    def __init__(self, location: str):
+    def __init__(self, location: str, option: str = "--work"):
         self.location = location.rstrip("/")
-        bucket, _, prefix = self.location.removeprefix("s3://").partition("/")
+        bucket, _, prefix = location.removeprefix("s3://").rstrip("/").partition("/")
         if not bucket:
-            raise RsaDataError(f"--work {location}: expected s3://BUCKET/PREFIX")
+            raise RsaDataError(f"{option} {location}: expected s3://BUCKET/PREFIX")
         self.bucket, self.prefix = bucket, prefix + "/" if prefix else ""
-        self.client = _client()
+        self.client = _client(option)
         self.logs: dict[str, tuple[list[bytes], float]] = {}
 
     def read(self, path: str) -> bytes | None:
@@ -155,10 +155,13 @@ class S3Store:
         raise AssertionError("unreachable")
 
 
-def _client() -> Any:
-    with extras("--work s3://"):
+def _client(option: str) -> Any:
+    with extras(f"{option} s3://"):
         import boto3
+        import botocore
         from botocore.config import Config
+    # Public datasets are read without an account.
+    unsigned = option == "--root" and boto3.Session().get_credentials() is None
     config = Config(
         retries={"mode": "standard", "total_max_attempts": _TRIES},
         max_pool_connections=S3Store.at_once,
@@ -167,5 +170,6 @@ def _client() -> Any:
         # Parts are compared by sha256 already; not every S3-like store knows S3's own checksums.
         request_checksum_calculation="when_required",
         response_checksum_validation="when_required",
+        signature_version=botocore.UNSIGNED if unsigned else None,
     )
     return boto3.client("s3", config=config)

@@ -1,8 +1,10 @@
 """Fixtures that more than one test file uses."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from weather import Weather, weather_before
 
 
 @pytest.fixture(scope="session")
@@ -12,3 +14,20 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip("real data (../shared/data) is not on this machine")
     return folder
+
+
+@pytest.fixture(scope="module")
+def weather() -> Iterator[Weather]:
+    """A server of S3's protocol on loopback with a bucket, and the proxy before it."""
+    boto3, moto_server = pytest.importorskip("boto3"), pytest.importorskip("moto.server")
+    server = moto_server.ThreadedMotoServer(port=0, verbose=False)
+    server.start()
+    port = server.get_host_and_port()[1]
+    with weather_before(port) as proxy, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AWS_ACCESS_KEY_ID", "test")
+        patch.setenv("AWS_SECRET_ACCESS_KEY", "test")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        patch.setenv("AWS_ENDPOINT_URL_S3", f"http://127.0.0.1:{proxy.server_address[1]}")
+        boto3.client("s3").create_bucket(Bucket="bucket")
+        yield proxy
+    server.stop()

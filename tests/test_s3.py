@@ -1,10 +1,5 @@
 """Work dirs in S3, against a server that speaks its protocol, in good and in bad weather."""
 
-import http.client
-import threading
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-
 import pytest
 import rooms
 
@@ -16,84 +11,6 @@ from rsa_data.storage import open_store
 from rsa_data.storage_s3 import S3Store
 
 boto3 = pytest.importorskip("boto3")
-moto_server = pytest.importorskip("moto.server")
-
-
-class Weather(ThreadingHTTPServer):
-    """A proxy before the server: answers some requests with 503, cuts some connections.
-
-    For each request the next of `troubles` is done: "" (none), "503", "cut" (the request is not
-    passed on), "lost" (it is, but the answer is not brought back), "half" (of the answer).
-    """
-
-    def __init__(self, upstream: int):
-        super().__init__(("127.0.0.1", 0), Forward)
-        self.upstream = upstream
-        self.troubles: list[str] = []
-        self.seen: list[str] = []
-        self.daemon_threads = True
-
-
-class Forward(BaseHTTPRequestHandler):
-    protocol_version = "HTTP/1.1"
-    server: Weather
-
-    def forward(self) -> None:
-        body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        trouble = self.server.troubles.pop(0) if self.server.troubles else ""
-        self.server.seen.append(f"{self.command} {trouble}".strip())
-        if trouble == "503":
-            self.send_response(503)
-            self.send_header("Content-Length", "0")
-            self.end_headers()
-            return
-        if trouble == "cut":
-            self.close_connection = True
-            return
-        upstream = http.client.HTTPConnection("127.0.0.1", self.server.upstream)
-        upstream.request(self.command, self.path, body, dict(self.headers))
-        answer = upstream.getresponse()
-        data = answer.read()
-        upstream.close()
-        if trouble == "lost":
-            self.close_connection = True
-            return
-        self.send_response(answer.status)
-        for name, value in answer.getheaders():
-            if name.lower() not in ("connection", "content-length", "transfer-encoding"):
-                self.send_header(name, value)
-        length = answer.getheader("Content-Length") if self.command == "HEAD" else len(data)
-        self.send_header("Content-Length", str(length))
-        self.end_headers()
-        if trouble == "half":
-            self.wfile.write(data[: len(data) // 2])
-            self.close_connection = True
-            return
-        self.wfile.write(data)
-
-    do_GET = do_PUT = do_DELETE = do_HEAD = do_POST = forward
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
-@pytest.fixture(scope="module")
-def weather() -> Iterator[Weather]:
-    server = moto_server.ThreadedMotoServer(port=0, verbose=False)
-    server.start()
-    proxy = Weather(server.get_host_and_port()[1])
-    thread = threading.Thread(target=proxy.serve_forever, daemon=True)
-    thread.start()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("AWS_ACCESS_KEY_ID", "test")
-        patch.setenv("AWS_SECRET_ACCESS_KEY", "test")
-        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-        patch.setenv("AWS_ENDPOINT_URL_S3", f"http://127.0.0.1:{proxy.server_address[1]}")
-        boto3.client("s3").create_bucket(Bucket="bucket")
-        yield proxy
-    proxy.shutdown()
-    proxy.server_close()
-    server.stop()
 
 
 @pytest.fixture

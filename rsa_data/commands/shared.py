@@ -11,6 +11,7 @@ import click
 from .. import console, engines, limits, plan, units
 from ..parts import Work
 from ..pipeline import How
+from ..roots import open_root
 from ..run import Summary
 
 
@@ -48,6 +49,11 @@ def key_values(ctx: click.Context, param: click.Parameter, value: tuple[str, ...
         if not equals:
             raise click.BadParameter(f"expected NAME=VALUE; found {key!r}")
     return {key: text for key, _, text in pairs}
+
+
+def root_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
+    """A folder, or what reads like one; see `roots.open_root`."""
+    return None if value is None else open_root(value)
 
 
 def work_option(command: Callable) -> Callable:
@@ -114,7 +120,12 @@ def one_dataset(command: Callable) -> Callable:
             metavar="NAME=VALUE",
             help="Option of the dataset, such as depth_unit=mm; see `rsa-data list datasets`.",
         ),
-        click.option("--root", type=click.Path(path_type=Path), help="Where its files lie."),
+        click.option(
+            "--root",
+            callback=root_of,
+            metavar="PLACE",
+            help="Where its files lie: a folder, s3://BUCKET/PREFIX or https://HOST/PATH.",
+        ),
         click.option(
             "--dataset",
             required=True,

@@ -40,6 +40,7 @@ def folder(
     intrinsics: str | None = None,
     test_share: float = 0.0,
     test_list: Path | None = None,
+    file_list: Path | None = None,
     min_depth: float = 1e-3,
     max_depth: float = 80.0,
 ) -> Dataset:
@@ -61,6 +62,8 @@ def folder(
         the end, or the last frames where there is one scene only; not with a folder test/.
     test_list : file with the paths of the test images below the root, one a line; not with a
         folder test/.
+    file_list : file with the paths of all files to take, images and depth, below the root, one a
+        line; for a web server that does not list its folders, or a part of a large folder.
     min_depth : m, smaller depth counts as none.
     max_depth : m, larger depth counts as none.
     """
@@ -83,7 +86,9 @@ def folder(
         )
     return Dataset(
         name="folder",
-        index=partial(_index, images, depth, depth_within, intrinsics, test_share, test_list),
+        index=partial(
+            _index, images, depth, depth_within, intrinsics, test_share, test_list, file_list
+        ),
         read_depth=_reader(depth_unit) if depth_unit is not None else _no_depth,
         min_depth=min_depth,
         max_depth=max_depth,
@@ -120,12 +125,18 @@ def _index(
     intrinsics: str | None,
     test_share: float,
     test_list: Path | None,
+    file_list: Path | None,
     root: Path,
     split: str | None,
 ) -> pa.Table:
-    require_folder("folder", root)
     camera = _camera(root, intrinsics) if intrinsics else UNKNOWN
-    found = sorted(_samples(root, images, depth, within, camera), key=lambda s: _natural(s.key))
+    if file_list:
+        files = _listed_files(file_list)
+    else:
+        require_folder("folder", root)
+        files = dict(files_below(root))
+    samples = _samples(root, files, images, depth, within, camera)
+    found = sorted(samples, key=lambda s: _natural(s.key))
     if depth and found and not any(s.depth for s in found):
         example = found[0].image or ""
         wanted = f"{_depth_path(stem(example), images, depth)}.png"
@@ -146,10 +157,15 @@ def _index(
 
 
 def _samples(
-    root: Path, images: str | None, depth: str | None, within: float | None, camera: Camera
+    root: Path,
+    files: dict[str, list[str]],
+    images: str | None,
+    depth: str | None,
+    within: float | None,
+    camera: Camera,
 ) -> Iterator[Sample]:
-    splits = {s for s in _SPLITS if (root / s).is_dir()}
-    files = dict(files_below(root))
+    """files : names of the files in each folder, which ends with a slash or is ""."""
+    splits = {s for s in _SPLITS if any(below.startswith(f"{s}/") for below in files)}
     for below, names in files.items():
         parts = below.split("/")[:-1]
         if depth in parts or (images is not None and images not in parts):
@@ -167,6 +183,21 @@ def _samples(
         for name, truth in zip(taken, truths, strict=True):
             key = stem("/".join([*inner, name]))
             yield Sample(which, key, scene(key), below + name, truth and beside + truth, camera)
+
+
+def _listed_files(listed: Path) -> dict[str, list[str]]:
+    """The files of a list, as `files_below` gives those of a folder."""
+    files: dict[str, list[str]] = {}
+    for path in sorted({path for _, path in _paths(listed)}):
+        below, slash, name = path.rpartition("/")
+        files.setdefault(below + slash, []).append(name)
+    return files
+
+
+def _paths(listed: Path) -> Iterator[tuple[str, str]]:
+    """(where, path below the root) of each line of a list."""
+    for where, fields in lines(listed, "folder"):
+        yield where, str(PurePosixPath(inside(" ".join(fields), where)))
 
 
 def _paired(images: list[str], depths: list[str], within: float | None) -> list[str | None]:
@@ -228,8 +259,7 @@ def _hold_out_last(found: list[Sample], share: float) -> list[Sample]:
 def _hold_out_listed(found: list[Sample], listed: Path) -> list[Sample]:
     known = {s.image for s in found}
     held = set()
-    for where, fields in lines(listed, "folder"):
-        path = str(PurePosixPath(inside(" ".join(fields), where)))
+    for where, path in _paths(listed):
         if path not in known:
             raise RsaDataError(f"{where}: expected the path of an image, found {path!r}")
         held.add(path)

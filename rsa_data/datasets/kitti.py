@@ -1,6 +1,5 @@
 """KITTI: raw images and the depth benchmark's ground truth, split as BTS and RSA do (Eigen)."""
 
-import os
 from collections.abc import Iterator
 from functools import cache, partial
 from pathlib import Path
@@ -11,7 +10,7 @@ import pyarrow as pa
 from ..errors import RsaDataError
 from . import Dataset, bts
 from .depth_files import png16
-from .listing import Sample, guide, require_folder, stem, to_table
+from .listing import Sample, entries, guide, require_folder, stem, to_table
 
 _LISTS = {"train": "eigen_train_files_with_gt.txt", "test": "eigen_test_files_with_gt.txt"}
 
@@ -87,10 +86,10 @@ def _index(given: dict[str, Path | None], root: Path, split: str | None) -> pa.T
             f"not tell the Eigen split; {guide('kitti')}"
         )
     drives = {
-        entry.name: place
+        name: place
         for place in reversed(_DEPTH)
         if (root / place).is_dir()
-        for entry in os.scandir(root / place)
+        for name in entries(root / place)[1]
     }
     prefix = "" if raw == "." else f"{raw}/"
     found = (

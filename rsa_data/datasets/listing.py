@@ -101,13 +101,14 @@ def files_below(folder: Path) -> Iterator[tuple[str, list[str]]]:
     waiting = [""]
     while waiting:
         below = waiting.pop()
-        status = (folder / below).stat()
-        if (status.st_dev, status.st_ino) in seen:
-            continue
-        seen.add((status.st_dev, status.st_ino))
-        files, folders = _entries(folder / below)
-        yield below, sorted(files)
-        waiting += [f"{below}{name}/" for name in sorted(folders, reverse=True)]
+        if isinstance(folder, Path):
+            status = (folder / below).stat()
+            if (status.st_dev, status.st_ino) in seen:
+                continue
+            seen.add((status.st_dev, status.st_ino))
+        files, folders = entries(folder / below)
+        yield below, files
+        waiting += [f"{below}{name}/" for name in reversed(folders)]
 
 
 def folders_with(folder: Path, *wanted: str) -> Iterator[str]:
@@ -118,25 +119,25 @@ def folders_with(folder: Path, *wanted: str) -> Iterator[str]:
     waiting = [""]
     while waiting:
         below = waiting.pop()
-        names = _entries(folder / below)[1]
+        names = entries(folder / below)[1]
         if set(names).issuperset(wanted):
             yield below.rstrip("/")
         else:
-            waiting += [f"{below}{name}/" for name in sorted(names, reverse=True)]
+            waiting += [f"{below}{name}/" for name in reversed(names)]
 
 
-def _entries(folder: Path) -> tuple[list[str], list[str]]:
-    """Names of the files and of the folders in a folder, without hidden ones."""
-    files: list[str] = []
-    folders: list[str] = []
+def entries(folder: Path) -> tuple[list[str], list[str]]:
+    """Names of the files and of the folders in a folder, sorted, without hidden ones."""
+    found: tuple[list[str], list[str]] = [], []
     try:
-        with os.scandir(folder) as entries:
-            for entry in entries:
-                if not entry.name.startswith("."):
-                    (folders if entry.is_dir() else files).append(entry.name)
+        # Path.iterdir would ask the file system once more for each entry.
+        there = os.scandir(folder) if isinstance(folder, Path) else folder.iterdir()
+        for entry in there:
+            if not entry.name.startswith("."):
+                found[entry.is_dir()].append(entry.name)
     except OSError as error:
         raise RsaDataError(f"{folder}: cannot be listed: {error.strerror}") from error
-    return files, folders
+    return sorted(found[0]), sorted(found[1])
 
 
 def is_image(name: str) -> bool:

@@ -1,6 +1,5 @@
 """SUN3D: Xtion video of rooms, as on its site: a folder a sequence."""
 
-import os
 import re
 from collections.abc import Iterator
 from functools import partial
@@ -12,7 +11,17 @@ from ..errors import RsaDataError, UsageError
 from . import Dataset
 from .cameras import UNKNOWN, read_matrix
 from .depth_files import png16
-from .listing import Sample, folders_with, guide, inside, is_image, lines, require_folder, to_table
+from .listing import (
+    Sample,
+    entries,
+    folders_with,
+    guide,
+    inside,
+    is_image,
+    lines,
+    require_folder,
+    to_table,
+)
 from .pairing import nearest
 
 # Microseconds from a colour frame to its depth frame: one frame at 30 Hz. The streams are not
@@ -85,5 +94,5 @@ def _pairs(sequence: Path, every: int) -> Iterator[tuple[str, str | None]]:
 
 def _timed(folder: Path) -> list[tuple[int, str]]:
     """(time, name) of each frame, in the order of time."""
-    names = [entry.name for entry in os.scandir(folder) if is_image(entry.name)]
+    names = [name for name in entries(folder)[0] if is_image(name)]
     return sorted((int(match[1]), name) for name in names if (match := _NAME.fullmatch(name)))

@@ -1,6 +1,5 @@
 """SUN RGB-D: single indoor frames of four depth cameras; the test set of zero-shot tables."""
 
-import os
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -12,7 +11,7 @@ from ..errors import RsaDataError
 from . import Dataset
 from .cameras import UNKNOWN, read_matrix
 from .depth_files import png16
-from .listing import Sample, folders_with, guide, inside, lines, require_folder, to_table
+from .listing import Sample, entries, folders_with, guide, inside, lines, require_folder, to_table
 
 # 5,050 lines `image depth`: Monocular-Depth-Estimation-Toolbox, splits/; it equals the official
 # test split of SUNRGBDtoolbox, in text.
@@ -77,7 +76,7 @@ def _samples(root: Path, depth: str, listed: Path) -> Iterator[Sample]:
 
 
 def _only_file(folder: Path) -> str:
-    names = sorted(name for name in os.listdir(folder) if not name.startswith("."))  # noqa: PTH208
+    names = entries(folder)[0]
     if len(names) != 1:
         raise RsaDataError(
             f"sunrgbd: {folder}: expected one file, found {len(names)}; unpack SUNRGBD.zip again"

@@ -1,6 +1,7 @@
 """The depth stage: samples -> relative depth where the ground truth is, with each image's fits."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
 
@@ -8,9 +9,11 @@ import numpy as np
 import pyarrow as pa
 
 from .. import registry, tables
+from ..ahead import ahead
 from ..datasets import Dataset
 from ..errors import RowError, UsageError
 from ..progress import advance
+from ..roots import readers
 from . import Relative, Source
 from .fits import inverse_fit, median_scale
 from .pixels import draw
@@ -63,12 +66,17 @@ def build(
     )
 
     def step(samples: pa.Table) -> pa.Table:
-        columns = ("sample_id", "split", "image", "depth")
-        rows = []
-        for sample in samples.select(columns).to_pylist():
+        def measured(sample: dict[str, Any]) -> dict[str, Any]:
             whole = sample["split"] in dataset.test_splits
-            rows.append(_row(sample, dataset, root, source, None if whole else pixels, seed))
-            advance(1)
+            return _row(sample, dataset, root, source, None if whole else pixels, seed)
+
+        columns = ("sample_id", "split", "image", "depth")
+        helpers = readers(root)
+        rows: list[Any] = []
+        with ThreadPoolExecutor(helpers) as pool:
+            for row in ahead(pool, measured, samples.select(columns).to_pylist(), helpers):
+                rows.append(row)
+                advance(1)
         names = tables.schema("depth").names
         return tables.from_columns("depth", {n: [row.get(n) for row in rows] for n in names})
 

@@ -1,6 +1,7 @@
 """Relative depth from an ONNX model, by its card: what it wants to see and what it answers."""
 
 import re
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ def build(
     session = open_session(model_file(name, weights), threads)
     resize = fixed(geometry) if geometry else RESIZES[card["resize"]](card)
     name_in = session.get_inputs()[0].name
+    # Images are read side by side; the model runs on `threads` cores, as it was told.
+    alone = threading.Lock()
 
     def source(path: str) -> Relative:
         try:
@@ -40,7 +43,9 @@ def build(
             seen, part = resize(cut(image, box))
         except RowError as error:
             raise RowError(f"{path}: {error}") from error
-        y = answer(session, name_in, normalise(seen, card), name)
+        pixels = normalise(seen, card)
+        with alone:
+            y = answer(session, name_in, pixels, name)
         return Relative(inverse(y) if card["output"] == "depth" else y, inside(box, part))
 
     return source

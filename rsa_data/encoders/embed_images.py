@@ -1,6 +1,7 @@
 """The stage embed-images: every image of a part through a frozen image encoder."""
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
 
@@ -8,8 +9,10 @@ import numpy as np
 import pyarrow as pa
 
 from .. import progress, registry, tables
+from ..ahead import ahead
 from ..errors import RowError, RsaDataError, UsageError
 from ..images import read_image
+from ..roots import readers
 from . import Batch, Encoder, ImageModel
 from . import runtime as runtimes
 from .runtime import Device
@@ -102,17 +105,21 @@ def _batches(
     """Batches of readable images; what cannot be read leaves its reason in `errors`."""
     rows: list[int] = []
     pixels: list[np.ndarray] = []
-    for row, image in enumerate(images):
-        if image is not None:
-            try:
-                pixels.append(model.prepare(read_image(root / image)))
+
+    def read(image: str | None) -> np.ndarray | None:
+        return None if image is None else model.prepare(read_image(root / image))
+
+    with ThreadPoolExecutor(readers(root)) as pool:
+        for row, found in enumerate(ahead(pool, read, images, _BATCH)):
+            if isinstance(found, RowError):
+                errors[row] = f"{images[row]}: {found}"
+            elif found is not None:
+                pixels.append(found)
                 rows.append(row)
-            except RowError as error:
-                errors[row] = f"{image}: {error}"
-        progress.advance(1)
-        if len(rows) == _BATCH:
-            yield np.array(rows), {"pixels": np.stack(pixels)}
-            rows, pixels = [], []
+            progress.advance(1)
+            if len(rows) == _BATCH:
+                yield np.array(rows), {"pixels": np.stack(pixels)}
+                rows, pixels = [], []
     if rows:
         yield np.array(rows), {"pixels": np.stack(pixels)}
 

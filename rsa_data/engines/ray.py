@@ -136,5 +136,5 @@ def _absolute(job: Job) -> Job:
         for name, value in job.options.items()
     }
     work = job.work if "://" in job.work else str(Path(job.work).absolute())
-    root = str(Path(job.root).absolute()) if job.root else None
+    root = str(Path(job.root).absolute()) if job.root and "://" not in job.root else job.root
     return replace(job, work=work, options=options, root=root)

@@ -9,14 +9,15 @@ from typing import Any
 import pyarrow as pa
 
 from .. import images
+from ..ahead import ahead, settled
 from ..datasets import Dataset
 from ..errors import RowError, RsaDataError, UsageError
 from ..models import Card, Device, card_of, card_path, local_file, read_card
 from ..progress import advance
+from ..roots import readers
 from . import Segments, to_table
 from .graph import Detector, Prepared, class_table, load
 
-_HELPERS = 2
 # Images read before the model asks for them: enough that it never waits for a slow one, few enough
 # that memory stays at some tens of images.
 _AHEAD = 8
@@ -69,7 +70,7 @@ def build(
                 raise RowError(f"{path}: {error}") from error
 
         paths = samples["image"].to_pylist()
-        found = detect(detector, read, paths, threads=threads, batch=batch)
+        found = detect(detector, read, paths, threads=threads, batch=batch, helpers=readers(root))
         return to_table(samples["sample_id"].to_pylist(), found)
 
     return step
@@ -97,6 +98,7 @@ def detect(
     *,
     threads: int = 1,
     batch: int = 1,
+    helpers: int = 2,
 ) -> Iterator[Segments | RowError]:
     """What each image shows, in the order of `paths`, or the error that quarantines it.
 
@@ -104,39 +106,24 @@ def detect(
     the cores busier than one run on all of them, and what comes out does not depend on `threads`.
     What is in a batch follows from `paths` alone: consecutive good images of one tensor shape.
     """
-    with ThreadPoolExecutor(_HELPERS) as helpers, ThreadPoolExecutor(threads) as runners:
+    with ThreadPoolExecutor(helpers) as pool, ThreadPoolExecutor(threads) as runners:
 
         def run(group: list[Prepared]) -> list[Future[Segments]]:
             found = detector.run(group) if group else []
             return [
-                helpers.submit(detector.finish, outputs, geometry)
+                pool.submit(detector.finish, outputs, geometry)
                 for outputs, (_, geometry) in zip(found, group, strict=True)
             ]
 
         # One entry a group of images: their places in it or their errors, and the run.
         going: deque[tuple[list[int | RowError], Future[list[Future[Segments]]]]] = deque()
-        for places, group in _groups(_ahead(helpers, read, paths, threads * batch), batch):
+        most = threads * batch + max(_AHEAD, helpers)
+        for places, group in _groups(ahead(pool, read, paths, most), batch):
             going.append((places, runners.submit(run, group)))
             if len(going) > 2 * threads:
                 yield from _results(*going.popleft())
         for entry in going:
             yield from _results(*entry)
-
-
-def _ahead(
-    pool: ThreadPoolExecutor,
-    read: Callable[[str | None], Prepared],
-    paths: list[str | None],
-    wanted: int,
-) -> Iterator[Prepared | RowError]:
-    """`read` of each path in order, some begun before they are asked for."""
-    futures: deque[Future[Prepared]] = deque()
-    for path in paths:
-        futures.append(pool.submit(read, path))
-        if len(futures) > wanted + _AHEAD:
-            yield _settled(futures.popleft())
-    for future in futures:
-        yield _settled(future)
 
 
 def _groups(
@@ -167,12 +154,4 @@ def _results(
     found = run.result()
     for place in places:
         advance(1)
-        yield place if isinstance(place, RowError) else _settled(found[place])
-
-
-def _settled(future: Future[Any]) -> Any:
-    """A future's result, or the RowError that it ended in."""
-    try:
-        return future.result()
-    except RowError as error:
-        return error
+        yield place if isinstance(place, RowError) else settled(found[place])
