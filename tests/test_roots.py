@@ -27,6 +27,7 @@ from rsa_data.engines import How
 from rsa_data.errors import RowError, RsaDataError, TransientError, UsageError
 from rsa_data.parts import Work
 from rsa_data.roots import open_root, readers
+from rsa_data.storage_s3 import S3Store
 
 MATRIX = "5e2 0 3.2e2\n0 5.1e2 2.4e2\n0 0 1\n"
 
@@ -242,6 +243,27 @@ def test_the_root_is_remembered(tmp_path, far, relative):
     pipeline.samples(work, "folder:photos", GIVEN, root=root)
     assert index.find_root(work, "photos") == root
     assert stages.job(work, "embed-images", "photos", {"encoder": "thumbnail"}).root == str(root)
+
+
+@pytest.mark.parametrize("far", ["s3"], indirect=True)
+def test_a_public_bucket_is_read_without_an_account_and_not_written(tmp_path, far, monkeypatch):
+    write(tmp_path / "public", "a.txt", "text")
+    place, weather = far(tmp_path / "public")
+    key = f"{str(place).removeprefix('s3://bucket/')}/a.txt"
+    pytest.importorskip("boto3").client("s3").put_object_acl(
+        Bucket="bucket", Key=key, ACL="public-read"
+    )
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
+    monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
+    weather.signed = []
+    store = S3Store(str(place), "--root")
+    assert store.read("a.txt") == b"text"
+    assert weather.signed == [False]
+    with pytest.raises(RsaDataError, match=r"cannot write .*credentials"):
+        S3Store(str(place)).write("b.txt", b"data")
 
 
 @pytest.mark.parametrize("far", ["s3", "http"], indirect=True)

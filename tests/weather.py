@@ -19,6 +19,7 @@ class Weather(ThreadingHTTPServer):
         self.upstream = upstream
         self.troubles: list[str] = []
         self.seen: list[str] = []
+        self.signed: list[bool] = []
         self.daemon_threads = True
 
 
@@ -30,6 +31,7 @@ class Forward(BaseHTTPRequestHandler):
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
         trouble = self.server.troubles.pop(0) if self.server.troubles else ""
         self.server.seen.append(f"{self.command} {trouble}".strip())
+        self.server.signed.append("Authorization" in self.headers)
         if trouble == "503":
             self.send_response(503)
             self.send_header("Content-Length", "0")
