@@ -160,8 +160,9 @@ def _client(option: str) -> Any:
         import boto3
         import botocore
         from botocore.config import Config
+    session = boto3.Session()
     # Public datasets are read without an account.
-    unsigned = option == "--root" and boto3.Session().get_credentials() is None
+    unsigned = option == "--root" and session.get_credentials() is None
     config = Config(
         retries={"mode": "standard", "total_max_attempts": _TRIES},
         max_pool_connections=S3Store.at_once,
@@ -172,4 +173,4 @@ def _client(option: str) -> Any:
         response_checksum_validation="when_required",
         signature_version=botocore.UNSIGNED if unsigned else None,
     )
-    return boto3.client("s3", config=config)
+    return session.client("s3", config=config)
