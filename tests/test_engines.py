@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,7 @@ ENGINES = [
     pytest.param(How(workers=4), id="local-4"),
     pytest.param(How("ray", workers=1), id="ray-1", marks=pytest.mark.ray),
     pytest.param(How("ray", workers=2), id="ray-2", marks=pytest.mark.ray),
+    pytest.param(How("ray", workers=4), id="ray-4", marks=pytest.mark.ray),
 ]
 MANY = [
     pytest.param(How(workers=2), id="local"),
@@ -90,11 +92,15 @@ def test_a_stage_that_cannot_begin_says_why(tmp_path, how):
         list(engines.run(job, identity.describe(job), [Task(0), Task(1)], how))
 
 
-def test_a_worker_over_its_memory_limit_is_ended_and_named(tmp_path):
-    work = rooms.made(tmp_path, parts=2)
+@pytest.mark.parametrize("how", MANY)
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_over_its_memory_limit_is_ended_and_named(tmp_path, how, undisturbed):
+    work = rooms.made(tmp_path)
+    little, enough = replace(how, memory=10**6), replace(how, memory=8 * 10**9)
     with pytest.raises(RsaDataError, match=r"held more than the 1,000,000 bytes of --memory-limit"):
-        run.run(rooms.captions_job(work), engine=How(memory=10**6), bar=rooms.NoBar)
-    run.run(rooms.captions_job(work), engine=How(memory=8 * 10**9), bar=rooms.NoBar)
+        run.run(rooms.captions_job(work), engine=little, bar=rooms.NoBar)
+    run.run(rooms.captions_job(work), engine=enough, bar=rooms.NoBar)
+    assert files(work) == undisturbed
 
 
 class Lossy:

@@ -12,7 +12,7 @@ import time
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from .. import progress, registry, stages, steps
@@ -118,6 +118,7 @@ def run(
         finally:
             progress.listen(None)
         return
+    how = replace(how, workers=max(1, min(how.workers, len(tasks))))
     crew = registry.resolve("engine", ENGINES, how.engine)(job, description, how)
     try:
         yield from _lead(crew, tasks, how.workers, on_rows or (lambda rows: None))
@@ -164,7 +165,7 @@ def _lead(
     queue, busy = deque(tasks), dict[Any, Task]()
     idle: list[Any] = []
     deaths, in_a_row = Counter[int](), 0
-    for _ in range(max(1, min(workers, len(tasks)))):
+    for _ in range(workers):
         crew.start()
     while queue or busy:
         for news in crew.news(1.0):
@@ -183,7 +184,7 @@ def _lead(
                 in_a_row += 1
                 if news.worker in idle:
                     idle.remove(news.worker)
-                if in_a_row > ATTEMPTS * max(1, workers):
+                if in_a_row > ATTEMPTS * workers:
                     raise RsaDataError(
                         f"{in_a_row} workers died one after the other; the last one {news.value}. "
                         "Finished parts are kept: run the same command again, with fewer --workers "

@@ -80,7 +80,7 @@ class Processes:
             process.kill()
             process.join()
         if process.exitcode == _TOO_MUCH:
-            return f"held more than the {self.memory:,} bytes of --memory-limit"
+            return held_more(self.memory or 0)
         if process.exitcode < 0:
             killed = signal.Signals(-process.exitcode).name
             return f"was ended by {killed}" + (" (out of memory?)" if killed == "SIGKILL" else "")
@@ -150,6 +150,11 @@ def limit_memory(most: int) -> None:
         if anonymous_bytes() > most:
             os._exit(_TOO_MUCH)
         time.sleep(0.05)
+
+
+def held_more(most: int) -> str:
+    """Why a worker was ended that held more than `most` bytes."""
+    return f"held more than the {most:,} bytes of --memory-limit"
 
 
 def anonymous_bytes() -> int:

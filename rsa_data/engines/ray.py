@@ -4,23 +4,16 @@ Ray only places and restarts; parts, receipts and retries are those of every eng
 not used: rows here are part numbers, whose order and fate must be known.
 """
 
-import logging
 import os
-import signal
 import threading
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import RsaDataError
 from ..registry import extras
 from ..stages import Job
-from . import How, News, Task, attempt, portable
-
-# A cluster that has begun no worker after so long, in seconds, never will: it lacks what they ask
-# for. Enough for nodes that are started on demand.
-_BEGIN_WITHIN = float(os.environ.get("RSA_DATA_RAY_BEGIN_WITHIN", 900))
+from . import How, News, Task, attempt, portable, ray_cluster
 
 
 class Actors:
@@ -36,52 +29,73 @@ class Actors:
             import ray
         self.ray = ray
         self.given = (_absolute(job), description, how.memory)
-        self.began_cluster = not ray.is_initialized()
-        if self.began_cluster:
-            _connect(ray, how)
-        gpus = 1 if str(job.options.get("device", "")).startswith("cuda") else 0
-        self.actor: Any = ray.remote(_Worker)
-        self.actor = self.actor.options(
-            num_cpus=1, num_gpus=gpus, max_restarts=0, max_task_retries=0
-        )
+        self.joined = not ray.is_initialized()
+        if self.joined:
+            ray_cluster.connect(ray, job, how)
+        takes = ray_cluster.size(job, ray.nodes(), how.workers)
+        self.watch = ray_cluster.Watch(ray, takes, self.joined and how.ray_address is None)
+        options: dict[str, Any] = {"max_restarts": 0, "max_task_retries": 0}
+        if how.memory is not None:
+            # Only then: beside a group, Ray no longer runs a worker's parts in its main thread.
+            options["concurrency_groups"] = {_BESIDE: 1}
+        self.actor: Any = ray.remote(
+            num_cpus=takes["CPU"], num_gpus=takes.get("GPU", 0), **options
+        )(_Worker)
         self.doing: dict[Any, Any] = {}  # what is awaited -> the actor that does it
         self.actors: set[Any] = set()
-        self.begun, self.ready = time.monotonic(), False
+        self.working: set[Any] = set()
 
     def start(self) -> Any:
         actor = self.actor.remote(*self.given)
         self.doing[actor.begin.remote()] = actor
+        if self.given[-1] is not None:
+            self.doing[actor.over_memory.options(concurrency_group=_BESIDE).remote()] = actor
         self.actors.add(actor)
         return actor
 
     def give(self, worker: Any, task: Task) -> None:
         self.doing[worker.work.remote(task)] = worker
+        self.working.add(worker)
 
     def news(self, seconds: float) -> list[News]:
         ended, _ = self.ray.wait(list(self.doing), timeout=seconds)
-        if not ended and not self.ready and time.monotonic() - self.begun > _BEGIN_WITHIN:
-            raise RsaDataError(
-                f"--engine ray: no worker has begun within {_BEGIN_WITHIN:.0f} s. The cluster has "
-                f"{self.ray.cluster_resources()}; is what a worker needs there, and free?"
-            )
+        self.watch.check(bool(self.working))
         return [self._ended(reference) for reference in ended]
 
     def stop(self) -> None:
+        self.watch.stop()
         for actor in self.actors:
             self.ray.kill(actor)
-        if self.began_cluster:
-            self.ray.shutdown()
+        if self.joined:
+            ray_cluster.leave(self.ray)
 
     def _ended(self, reference: Any) -> News:
         worker = self.doing.pop(reference)
         try:
             kind, value = self.ray.get(reference)
         except self.ray.exceptions.RayError as error:
+            kind, value = "died", _why(error)
+        if kind in ("died", "result"):
+            self.working.discard(worker)
+        if kind == "died":
             self.actors.discard(worker)
-            why = str(error).strip().partition("\n")[0]
-            return News(worker, "died", f"said: {type(error).__name__}: {why}")
-        self.ready = True
+            self.doing = {waited: by for waited, by in self.doing.items() if by != worker}
+            self.ray.kill(worker)
         return News(worker, kind, value)
+
+
+# The name of the calls that run beside a worker's parts.
+_BESIDE = "beside"
+
+# A worker over its memory ends itself after so long, in seconds, if nobody else does.
+_GRACE = 2.0
+
+
+def _why(error: Exception) -> str:
+    """What Ray knows of a death, in a sentence: the one with its reason, or its first."""
+    lines = str(error).strip().split("\n")
+    reason = next((line for line in lines if " because " in line), lines[0])
+    return f"ended: {type(error).__name__}: {reason.partition('. ')[0].rstrip('.')}"
 
 
 class _Worker:
@@ -93,13 +107,9 @@ class _Worker:
     def begin(self) -> tuple[str, Any]:
         """Loads what the stage needs. Not in __init__, whose errors Ray tells as a death."""
         from .. import steps
-        from .local import limit_memory
 
-        job, _, memory = self.given
-        if memory is not None:
-            threading.Thread(target=limit_memory, args=(memory,), daemon=True).start()
         try:
-            self.step = steps.build_step(job)
+            self.step = steps.build_step(self.given[0])
         except Exception as error:
             return "broken", portable(error)
         return "ready", None
@@ -108,25 +118,19 @@ class _Worker:
         job, description, _ = self.given
         return "result", attempt(job, self.step, description, task)
 
+    def over_memory(self) -> tuple[str, Any]:
+        """Ends when this process holds too much: Ray does not tell an exit status."""
+        from . import local
 
-def _connect(ray: Any, how: How) -> None:
-    quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        if how.ray_address is None:
-            ray.init(num_cpus=max(1, how.workers), include_dashboard=False, **quiet)
-        else:
-            ray.init(address=how.ray_address, **quiet)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise RsaDataError(
-            f"--ray-address {how.ray_address}: cannot reach a Ray cluster there: {error}. Leave it "
-            "out to run on this machine alone"
-        ) from error
-    finally:
-        # Ray ends the process with its own exit status on SIGTERM; a command has its own way.
-        if main:
-            signal.signal(signal.SIGTERM, before)
+        most = self.given[-1]
+        assert most is not None
+        try:
+            while local.anonymous_bytes() <= most:
+                time.sleep(0.05)
+        except Exception as error:
+            return "broken", portable(error)
+        threading.Timer(_GRACE, os._exit, (1,)).start()
+        return "died", local.held_more(most)
 
 
 def _absolute(job: Job) -> Job:
