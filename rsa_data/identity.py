@@ -2,7 +2,6 @@
 
 import hashlib
 import platform
-from collections.abc import Iterable
 from functools import cache
 from importlib import import_module, metadata
 from pathlib import Path
@@ -86,20 +85,16 @@ def part_fingerprint(description: dict[str, Any], inputs: dict[str, str]) -> str
     return fingerprint({"table": what, "inputs": inputs})
 
 
-def pending(job: "Job", description: dict[str, Any], numbers: Iterable[int]) -> tuple[list, list]:
+def pending(job: "Job", description: dict[str, Any], numbers: list[int]) -> tuple[list, list]:
     """(parts to do, those of them that were done before from an input that has changed since)."""
     output = job.table(job.output)
     done = set(output.parts())
     known = [number for number in numbers if number in done]
-    receipts = output.receipts(known)
-    inputs = {name: job.table(name).receipts(known) for name in job.inputs}
-    todo, stale = [], []
-    for number in numbers:
-        if number not in done:
-            todo.append(number)
-            continue
-        digests = {name: of[number]["digest"] for name, of in inputs.items()}
-        if receipts[number]["fingerprint"] != part_fingerprint(description, digests):
-            todo.append(number)
-            stale.append(number)
-    return todo, stale
+    inputs = [job.table(name).receipts(known) for name in job.inputs]
+    stale = []
+    for receipt, *sources in zip(output.receipts(known), *inputs, strict=True):
+        digests = {n: of["digest"] for n, of in zip(job.inputs, sources, strict=True)}
+        if receipt["fingerprint"] != part_fingerprint(description, digests):
+            stale.append(receipt["part"])
+    again = set(stale)
+    return [n for n in numbers if n not in done or n in again], stale

@@ -1,7 +1,6 @@
 """What ends a run early: more failures than the user allows, less space than it will need."""
 
 from collections.abc import Callable, Iterable
-from typing import Any
 
 from .errors import RsaDataError, UsageError
 from .stages import Job
@@ -26,15 +25,14 @@ def parse_failures(text: str) -> float | int:
 
 
 def check_failures(
-    receipts: list[dict[str, Any]],
+    failed: int,
+    seen: int,
     most: float | int | None,
     reasons: Callable[[], list[tuple[str, int]]],
 ) -> None:
-    """Raises RsaDataError when more rows of these parts failed than the user allows."""
-    failed = sum(receipt["failed"] for receipt in receipts)
+    """Raises RsaDataError when more of the `seen` rows failed than the user allows."""
     if most is None or not failed:
         return
-    seen = sum(receipt["ok"] + receipt["failed"] for receipt in receipts)
     if isinstance(most, int):
         too_many, limit = failed > most, f"{most:,}"
     else:
@@ -48,25 +46,22 @@ def check_failures(
         )
 
 
-def check_space(job: Job, receipts: list[dict[str, Any]], left: Iterable[int]) -> None:
-    """Raises RsaDataError when the parts that are left will not fit, going by those there are.
+def check_space(job: Job, done: list[int], left: Iterable[int]) -> None:
+    """Raises RsaDataError when the parts `left` will not fit, going by those that are done.
 
     Bytes of a sample are taken split by split: test splits hold whole depth maps.
     """
     table, samples = job.table(job.output), job.table("samples")
     free = table.store.free()
-    if free is None or not receipts:
+    if free is None or not done:
         return
     used: dict[str, list[int]] = {}
-    left = list(left)
-    known = samples.receipts([*(receipt["part"] for receipt in receipts), *left])
-    for receipt in receipts:
+    for receipt, sample in zip(table.receipts(done), samples.receipts(done), strict=True):
         sums = used.setdefault(receipt["split"], [0, 0])
         sums[0] += receipt["bytes"]
-        sums[1] += known[receipt["part"]]["rows"]
+        sums[1] += sample["rows"]
     need = 0.0
-    for number in left:
-        receipt = known[number]
+    for receipt in samples.receipts(left):
         if receipt["split"] in used:
             count, rows = used[receipt["split"]]
             need += count / rows * receipt["rows"] if rows else 0

@@ -217,7 +217,7 @@ def retry_failed(work: Work, datasets: list[str], how: How) -> None:
         names = [name for name in made if made[name] in order]
         for name in sorted(names, key=lambda name: (order.index(made[name]), name)):
             table = work.table(dataset, name)
-            failed = any(r["failed"] for r in table.receipts(table.parts()).values())
+            failed = any(r["failed"] for r in table.receipts(table.parts()))
             if failed or outdated(work, table):
                 job = stages.job_of(work, dataset, name)
                 summary = run.run(job, engine=how.engine, bar=how.bar, redo_failed=True)

@@ -7,11 +7,13 @@ a file that no receipt names beside one that a receipt does is a leftover. Once 
 
 import json
 import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from .canonical import to_json
-from .errors import RsaDataError
+from .ahead import ahead
+from .errors import RowError, RsaDataError
 from .storage import Store, failpoint
 
 _RECEIPT = re.compile(r"part-(\d{5,})\.json")
@@ -30,7 +32,8 @@ class Receipts:
 
     def parts(self) -> list[int]:
         """Numbers of the parts that are done, ascending."""
-        return [int(m[1]) for name in self.store.list(self.path) if (m := _RECEIPT.fullmatch(name))]
+        names = self.store.list(self.path)
+        return sorted(int(m[1]) for name in names if (m := _RECEIPT.fullmatch(name)))
 
     def receipt(self, number: int) -> dict[str, Any]:
         """What a part holds and what it was made from; raises RsaDataError when it is not done."""
@@ -49,32 +52,42 @@ class Receipts:
                 "Delete it to make the part again."
             ) from error
 
-    def receipts(self, numbers: list[int]) -> dict[int, dict[str, Any]]:
-        """The receipts of parts that are done, by number; read side by side where that pays."""
+    def receipts(self, numbers: Iterable[int]) -> Iterator[dict[str, Any]]:
+        """The receipts of parts that are done, in the order of `numbers`.
+
+        One after the other, since a table may have hundreds of thousands; read side by side where
+        that pays.
+        """
         if self.store.at_once == 1:
-            return {number: self.receipt(number) for number in numbers}
+            yield from map(self.receipt, numbers)
+            return
         with ThreadPoolExecutor(self.store.at_once) as pool:
-            return dict(zip(numbers, pool.map(self.receipt, numbers), strict=True))
+            for receipt in ahead(pool, self.receipt, numbers, 4 * self.store.at_once):
+                assert not isinstance(receipt, RowError)
+                yield receipt
 
-    def manifest(self, expected: list[int]) -> dict[str, Any] | None:
-        """Merges the receipts into manifest.json once all `expected` parts are done, else None.
+    def manifest(self, expected: list[int]) -> dict[str, int] | None:
+        """Merges the receipts into manifest.json once all `expected` parts are done.
 
-        Also removes what runs that died have left in the folder.
+        Returns what they add up to, or None when parts are missing. Also removes what runs that
+        died have left in the folder.
         """
         self._sweep()
         done = self.parts()
         if done != expected:
             self.store.delete(f"{self.path}/manifest.json")
             return None
-        receipts = list(self.receipts(done).values())
-        total = {key: sum(r[key] for r in receipts) for key in _COUNTS}
-        merged = {**total, "parts": receipts}
-        data = to_json(merged)
+        total, lines = Counter[str](), []
+        for receipt in self.receipts(done):
+            total.update({key: receipt[key] for key in _COUNTS})
+            lines.append(json.dumps(receipt, sort_keys=True, ensure_ascii=False).encode())
+        head = json.dumps({key: total[key] for key in _COUNTS}).removesuffix("}").encode()
+        data = b"".join([head, b', "parts": [\n', b",\n".join(lines), b"\n]}\n"])
         if self.store.read(f"{self.path}/manifest.json") != data:
             failpoint("manifest")
             self.store.write(f"{self.path}/manifest.json", data)
         failpoint("manifested")
-        return merged
+        return {key: total[key] for key in _COUNTS}
 
     def stored_manifest(self) -> dict[str, Any] | None:
         """manifest.json as it lies there, or None when the table is not finished."""

@@ -3,7 +3,7 @@
 import re
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -60,8 +60,8 @@ def run(
         tasks = [task for task in tasks if task.number in done]
         again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
         tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
-    came = job.table(job.inputs[0]).receipts([task.number for task in tasks])
-    sizes = {number: units(receipt) for number, receipt in came.items()}
+    came = job.table(job.inputs[0]).receipts(task.number for task in tasks)
+    sizes = {receipt["part"]: units(receipt) for receipt in came}
     undone: dict[int, str] = {}
     shown = bar(f"{job.dataset} {job.stage}", sum(sizes.values()))
     with RunLog(work, job.dataset, job.output) as log:
@@ -77,10 +77,11 @@ def run(
         output.manifest(work.table(job.dataset, "samples").parts())
         if tasks:
             log.write("end", done=len(tasks) - len(undone), undone=len(undone))
-    there = output.receipts([n for n in numbers if n not in undone])
-    receipts = list(there.values())
-    _all_accounted(job, receipts)
-    total = {k: sum(r[k] for r in receipts) for k in ("rows", "ok", "failed", "skipped", "bytes")}
+    there = [n for n in numbers if n not in undone]
+    total, worked = Counter[str](), 0
+    for receipt in _accounted(job, there):
+        total.update({k: receipt[k] for k in ("rows", "ok", "failed", "skipped", "bytes")})
+        worked += units(receipt) if receipt["part"] in sizes else 0
     return Summary(
         output=str(output),
         done=len(tasks) - len(undone),
@@ -88,10 +89,10 @@ def run(
         stale=len(stale),
         undone=undone,
         seconds=time.monotonic() - begun,
-        worked=sum(units(there[n]) for n in sizes if n not in undone),
-        reasons=reasons(job, [n for n in numbers if n not in undone]) if total["failed"] else [],
-        notes=steps.notes(job, [r["part"] for r in receipts]) if tasks else [],
-        **total,
+        worked=worked,
+        reasons=reasons(job, there) if total["failed"] else [],
+        notes=steps.notes(job, there) if tasks else [],
+        **{k: total[k] for k in ("rows", "ok", "failed", "skipped", "bytes")},
     )
 
 
@@ -135,8 +136,10 @@ def _watched(
         return
     output = job.table(job.output)
     left = {task.number for task in tasks}
-    ended: list[dict[str, Any]] = []
-    limits.check_space(job, list(output.receipts(output.parts()).values()), left)
+    ended: list[int] = []
+    failing: list[int] = []
+    failed = seen = 0
+    limits.check_space(job, output.parts(), left)
     for result in engines.run(job, description, tasks, engine, on_rows):
         left.discard(result.number)
         finished += sizes[result.number]
@@ -144,14 +147,14 @@ def _watched(
             on_rows(finished - reported)
         yield result
         if result.receipt is not None:
-            ended.append(result.receipt)
-            limits.check_failures(ended, max_failures, lambda: reasons(job, _numbers(ended)))
+            ended.append(result.number)
+            if result.receipt["failed"]:
+                failing.append(result.number)
+            failed += result.receipt["failed"]
+            seen += result.receipt["ok"] + result.receipt["failed"]
+            limits.check_failures(failed, seen, max_failures, lambda: reasons(job, failing))
             if len(ended) & (len(ended) - 1) == 0:  # the 1st, 2nd, 4th, 8th ...: cheap, and early
                 limits.check_space(job, ended, left)
-
-
-def _numbers(receipts: list[dict[str, Any]]) -> list[int]:
-    return [receipt["part"] for receipt in receipts]
 
 
 def _take_down(log: RunLog, result: Result, rows: int) -> None:
@@ -187,18 +190,21 @@ def units(receipt: dict[str, Any]) -> int:
     return receipt["ok"] + receipt["failed"] + receipt["skipped"]
 
 
-def _all_accounted(job: Job, receipts: list[dict[str, Any]]) -> None:
-    """ok + failed + skipped is what the samples table has, for stages that count samples."""
-    if stages.STAGES[job.stage].unit != "sample_id":
-        return
-    samples = job.table("samples").receipts([receipt["part"] for receipt in receipts])
-    for receipt in receipts:
-        expected = samples[receipt["part"]]["rows"]
-        if units(receipt) != expected:
+def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
+    """The receipts of parts. Raises RsaDataError when rows of one are not accounted for.
+
+    Stages that count samples must have as many, ok + failed + skipped, as the index.
+    """
+    counts_samples = stages.STAGES[job.stage].unit == "sample_id"
+    samples = job.table("samples" if counts_samples else job.output).receipts(numbers)
+    for receipt, sample in zip(job.table(job.output).receipts(numbers), samples, strict=True):
+        if counts_samples and units(receipt) != sample["rows"]:
             raise RsaDataError(
-                f"{job.table(job.output)}: part {receipt['part']}: expected {expected} samples "
-                f"accounted for, found {units(receipt)}. Delete its receipt to make it again"
+                f"{job.table(job.output)}: part {receipt['part']}: expected {sample['rows']} "
+                f"samples accounted for, found {units(receipt)}. Delete its receipt to make it "
+                "again"
             )
+        yield receipt
 
 
 def select(
@@ -208,7 +214,7 @@ def select(
     samples = work.table(dataset, "samples")
     numbers = samples.parts()
     if split is not None:
-        splits = {n: receipt["split"] for n, receipt in samples.receipts(numbers).items()}
+        splits = {receipt["part"]: receipt["split"] for receipt in samples.receipts(numbers)}
         if split not in splits.values():
             raise UsageError(
                 f"{dataset}: no split {split!r}; there are: {', '.join(sorted({*splits.values()}))}"

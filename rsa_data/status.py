@@ -1,6 +1,7 @@
 """What stands in a work dir: how far each table is, and what is out of date."""
 
 import json
+from collections import Counter
 from typing import Any
 
 from . import index, logs, stages, tables
@@ -8,6 +9,8 @@ from .console import table_lines
 from .errors import RsaDataError
 from .parts import Parts, Work, fingerprint
 from .units import size
+
+_ROWS = ("ok", "failed", "skipped")
 
 
 def status(work: Work) -> list[str]:
@@ -18,14 +21,14 @@ def status(work: Work) -> list[str]:
         rows: list[list[Any]] = []
         for name in work.tables(dataset):
             table = work.table(dataset, name)
-            receipts = [table.receipt(number) for number in table.parts()]
-            counts = [sum(r[k] for r in receipts) for k in ("ok", "failed", "skipped", "bytes")]
-            *rows_done, used = counts
-            numbers = [f"{count:,}" for count in rows_done]
-            done = f"{len(receipts)}/{total}"
+            parts, counts = table.parts(), Counter[str]()
+            for receipt in table.receipts(parts):
+                counts.update({key: receipt[key] for key in (*_ROWS, "bytes")})
+            numbers = [f"{counts[key]:,}" for key in _ROWS]
+            done = f"{len(parts)}/{total}"
             rate = logs.rate(logs.last_run(work, dataset, name))
             speed = "" if rate is None else f"{rate:,.1f}"
-            rows.append([name, done, *numbers, size(used), speed, stale(work, table)])
+            rows.append([name, done, *numbers, size(counts["bytes"]), speed, stale(work, table)])
         header = ["table", "parts", "ok", "failed", "skipped", "size", "rows/s", ""]
         lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
     for name in heads(work):
@@ -50,21 +53,30 @@ def stale(work: Work, table: Parts) -> str:
 
 def outdated(work: Work, table: Parts) -> set[int]:
     """Parts made from an input that has changed since, or is itself out of date."""
+    return _outdated(work, table, {}, {})
+
+
+def _outdated(
+    work: Work, table: Parts, known: dict[str, set[int]], digests: dict[str, dict[int, str]]
+) -> set[int]:
+    """known, digests : by table, what has been found out so far; every receipt is read once."""
     inputs = [work.table(table.dataset, name) for name in table.description()["inputs"]]
-    there = {source.name: set(source.parts()) for source in inputs}
-    old_inputs: set[int] = set()
+    old: set[int] = set()
     for source in inputs:
         if source.exists():
-            old_inputs |= outdated(work, source)
-    old = set()
-    for number in table.parts():
-        made_from = table.receipt(number).get("inputs", {})
+            if source.name not in known:
+                known[source.name] = _outdated(work, source, known, digests)
+            old |= known[source.name]
+        if source.name not in digests:
+            receipts = source.receipts(source.parts())
+            digests[source.name] = {r["part"]: r["digest"] for r in receipts}
+    changed = set()
+    for receipt in table.receipts(table.parts()):
+        number, made_from = receipt["part"], receipt.get("inputs", {})
         for source in inputs:
-            known = number in there[source.name]
-            digest = source.receipt(number)["digest"] if known else None
-            if made_from.get(source.name) != digest or number in old_inputs:
-                old.add(number)
-    return old
+            if number in old or made_from.get(source.name) != digests[source.name].get(number):
+                changed.add(number)
+    return changed
 
 
 def heads(work: Work) -> list[str]:
