@@ -69,7 +69,7 @@ def last_run(work: Work, dataset: str, table: str) -> list[dict[str, Any]]:
     for line in (work.store.read(f"logs/{max(names)}") or b"").splitlines():
         with contextlib.suppress(ValueError):  # the last line of a run that was killed
             events.append(json.loads(line))
-    return events
+    return [event for event in events if isinstance(event, dict)]
 
 
 def rate(events: list[dict[str, Any]]) -> float | None:

@@ -18,7 +18,7 @@ import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import onnx_external, registry
+from . import onnx_external, registry, shape
 from .errors import RsaDataError, UsageError
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 Card = dict[str, Any]
 Device = Literal["auto", "cpu", "cuda"]
 
+_TEXTS = {f"{key}?": "text" for key in ("kind", "licence", "about", "hub", "revision", "sha256")}
+_TEXTS |= {"name": "a file's name", "file?": "a path", "url?": "a path"}
 _CARDS = Path(__file__).parent / "model_cards"
 _TIMEOUT = 30.0  # seconds without an answer
 
@@ -73,6 +75,7 @@ def read_card(path: Path) -> Card:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise RsaDataError(f"model card {path}: expected a TOML file; found: {error}") from error
     card = {"name": path.stem, **card}
+    shape.check(card, _TEXTS, f"model card {path}")
     if "hub" in card and not ("file" in card and {"revision", "sha256"} & set(card)):
         raise RsaDataError(
             f"model card {path}: with hub = {card['hub']!r} expected file, and revision or sha256"

@@ -16,13 +16,22 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from . import tables
+from . import shape, tables
 from .canonical import differences, encoded, short
 from .canonical import fingerprint as fingerprint
 from .canonical import to_json as to_json
 from .errors import RsaDataError, TransientError
 from .receipts import Receipts
 from .storage import failpoint, open_store
+
+_FORM = {
+    "stage": "text",
+    "stage_version?": "a whole number",
+    "schema": "text",
+    "schema_version?": "a whole number",
+    "options?": "an object",
+    "files?": {"*": "text"},
+}
 
 
 class Work:
@@ -68,7 +77,15 @@ class Parts(Receipts):
         data = self.store.read(f"{self.path}/table.json")
         if data is None:
             raise RsaDataError(f"{self}: no such table. Tables there: {self._neighbours()}")
-        return json.loads(data)
+        try:
+            found = shape.check(json.loads(data), _FORM, f"{self}: table.json")
+        except (ValueError, RecursionError) as error:
+            raise RsaDataError(
+                f"{self}: table.json: expected JSON, found {data!r:.60}. --start-over makes it anew"
+            ) from error
+        if not isinstance(inputs := found.get("inputs", []), dict):  # a head has its own form
+            shape.check(inputs, ["a path that stays below"], f"{self}: table.json.inputs")
+        return found
 
     def _neighbours(self) -> str:
         work = Work.__new__(Work)

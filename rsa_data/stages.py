@@ -181,11 +181,20 @@ def job_of(work: Work, dataset: str, table: str) -> Job:
     """The job that makes a table that is there, from what its last run has left beside it."""
     there = work.table(dataset, table)
     description = there.description()
-    last = json.loads(there.store.read(f"{there.path}/local.json") or b"{}")
+    last = json_object(there.store.read(f"{there.path}/local.json"))
     inputs = description["inputs"]
     upstream = inputs[0] if inputs[0] != "samples" else None
     given = {**description["options"], **last}
     return job(work, description["stage"], dataset, given, upstream=upstream)
+
+
+def json_object(data: bytes | None) -> dict[str, Any]:
+    """The JSON object of a file that no content depends on; {} when it is missing or damaged."""
+    try:
+        found = json.loads(data or b"{}")
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def remember(job: Job) -> None:

@@ -26,7 +26,10 @@ def shipped(folder: str) -> Path:
 @cache
 def definition(name: str) -> dict[str, Any]:
     """schemas/NAME.toml as it stands: version, key, doc, columns."""
-    return tomllib.loads((shipped("schemas") / f"{name}.toml").read_text("utf-8"))
+    there = {path.stem: path for path in shipped("schemas").glob("*.toml")}
+    if name not in there:
+        raise RsaDataError(f"expected a schema among {', '.join(sorted(there))}, found {name!r}")
+    return tomllib.loads(there[name].read_text("utf-8"))
 
 
 def arrow_type(text: str) -> pa.DataType:

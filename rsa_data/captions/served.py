@@ -106,7 +106,8 @@ class Server:
                 if text:
                     return Answer(text, int(usage.get("prompt_tokens") or 0),
                                   int(usage.get("completion_tokens") or 0))  # fmt: skip
-            except (KeyError, IndexError, TypeError, AttributeError, ValueError):
+            except (KeyError, IndexError, TypeError, AttributeError, ValueError,
+                    OverflowError):  # fmt: skip
                 continue
         raise RowError("the model gave no text")
 

@@ -11,6 +11,7 @@ import pyarrow as pa
 from .. import tables
 from ..errors import RsaDataError
 from ..images import SUFFIXES
+from ..shape import is_path
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ def inside(text: str, where: str) -> str:
     BTS begins paths with a slash and means the root of the data, so one is taken away.
     """
     path = PurePosixPath(text.removeprefix("/"))
-    if path.is_absolute() or ".." in path.parts or "\0" in text or not path.parts:
+    if path.is_absolute() or ".." in path.parts or not is_path(str(path)):
         raise RsaDataError(
             f"{where}: expected a path below the dataset's root, found {text!r}; correct that line"
         )

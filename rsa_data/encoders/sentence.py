@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import shape
 from ..errors import RsaDataError
 from ..registry import extras
 from . import Encoder, Ids, TextModel
@@ -37,13 +38,17 @@ def load(files: dict[str, Path]) -> TextModel:
             f"sentence-transformers; {missing[0]} is not there"
         )
     pooling = _pooling(files["1_Pooling/config.json"])
-    steps = [module["type"].rsplit(".", 1)[-1] for module in _json(files["modules.json"])]
+    steps = [
+        module["type"].rsplit(".", 1)[-1]
+        for module in _json(files["modules.json"], [{"type": "text"}])
+    ]
     if steps not in (["Transformer", "Pooling"], ["Transformer", "Pooling", "Normalize"]):
         raise RsaDataError(
             f"{files['modules.json']}: expected a transformer, pooling and perhaps normalisation; "
             f"found {', '.join(steps)}"
         )
-    max_tokens = int(_json(files["sentence_bert_config.json"])["max_seq_length"])
+    form = {"max_seq_length": "a side in px"}
+    max_tokens = _json(files["sentence_bert_config.json"], form)["max_seq_length"]
     module = _module(files["config.json"].parent, pooling, steps[-1] == "Normalize")
     return TextModel(
         module=module,
@@ -56,17 +61,17 @@ def load(files: dict[str, Path]) -> TextModel:
     )
 
 
-def _json(path: Path) -> Any:
+def _json(path: Path, form: Any) -> Any:
     try:
-        return json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
+        return shape.check(json.loads(path.read_text("utf-8")), form, str(path))
+    except (OSError, ValueError, RecursionError) as error:
         raise RsaDataError(f"{path}: expected JSON: {error}") from error
 
 
 def _pooling(path: Path) -> str:
     chosen = [
         key.removeprefix("pooling_mode_")
-        for key, on in _json(path).items()
+        for key, on in _json(path, "an object").items()
         if key.startswith("pooling_mode_") and on is True
     ]
     if chosen not in (["mean_tokens"], ["cls_token"], ["max_tokens"]):
@@ -80,7 +85,10 @@ def _pooling(path: Path) -> str:
 def _tokenize(path: Path, max_tokens: int) -> Any:
     from tokenizers import Tokenizer
 
-    tokenizer = Tokenizer.from_file(str(path))
+    try:
+        tokenizer = Tokenizer.from_file(str(path))
+    except Exception as error:  # tokenizers' errors have no common base but Exception
+        raise RsaDataError(f"{path}: expected a tokenizer: {error}") from error
     tokenizer.no_padding()
     tokenizer.enable_truncation(max_tokens)
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from .. import registry
+from .. import registry, shape
 from ..errors import RsaDataError, UsageError
 
 
@@ -124,7 +125,10 @@ def _from_json(content: bytes) -> tuple[Callable[[Sequence[str]], list[list[int]
     """(texts -> uncut ids, start and end tokens of a text) of a tokenizer.json."""
     import tokenizers
 
-    pieces = tokenizers.Tokenizer.from_buffer(content)
+    try:
+        pieces = tokenizers.Tokenizer.from_buffer(content)
+    except Exception as error:  # tokenizers' errors have no common base but Exception
+        raise RsaDataError(f"tokenizer.json: expected a tokenizer: {error}") from error
     pieces.no_truncation()
     pieces.no_padding()
 
@@ -138,14 +142,22 @@ def _limit(folder: Path) -> int:
     """The most tokens that the model of a folder reads, by what its files say."""
     sentence = folder / "sentence_bert_config.json"
     if sentence.is_file():
-        return int(json.loads(sentence.read_text("utf-8"))["max_seq_length"])
-    config = json.loads((folder / "config.json").read_text("utf-8"))
+        return _read(sentence, {"max_seq_length": "a side in px"})["max_seq_length"]
+    limit = {"max_position_embeddings?": "a side in px"}
+    config = _read(folder / "config.json", {"text_config?": "an object or nothing", **limit})
     for part in (config.get("text_config") or {}, config):
-        if "max_position_embeddings" in part:
-            return int(part["max_position_embeddings"])
+        if "max_position_embeddings" in shape.check(part, limit, f"{folder}/config.json"):
+            return part["max_position_embeddings"]
     raise RsaDataError(
         f"{folder}/config.json: expected max_position_embeddings, the tokens that the model reads"
     )
+
+
+def _read(path: Path, form: Any) -> Any:
+    try:
+        return shape.check(json.loads(path.read_text("utf-8")), form, str(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise RsaDataError(f"{path}: expected JSON: {error}") from error
 
 
 def named(choice: str) -> Tokenizer:

@@ -1,6 +1,5 @@
 """A trained head, on disk as head.safetensors and head.json: features in, scale and shift out."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,9 @@ from ..errors import RsaDataError
 from ..parts import to_json
 from ..registry import HEADS, resolve
 from ..storage import Store, open_store
+from .description import FORMAT as FORMAT
+from .description import parse
 
-FORMAT = 1
 _BATCH = 4096
 
 
@@ -62,17 +62,7 @@ class ScaleHead:
                 f"{path}: expected a head (head.json and head.safetensors); found no head.json. "
                 "`rsa-data train-head` writes one to WORK/heads/NAME."
             )
-        try:
-            description = json.loads(text)
-            found = description["format"]
-            description["architecture"]["name"], description["features"]["dim"]
-        except (ValueError, KeyError, TypeError) as error:
-            raise RsaDataError(f"{path}/head.json: does not describe a head: {error!r}") from error
-        if found != FORMAT:
-            raise RsaDataError(
-                f"{path}/head.json: expected format {FORMAT}; found {found}: written by another "
-                "version of rsa-data"
-            )
+        description = parse(text, f"{path}/head.json")
         try:
             tensors = from_safetensors(store.read("head.safetensors") or b"")
             return cls.from_tensors(tensors, description)
@@ -157,4 +147,8 @@ class ScaleHead:
 def build_network(architecture: dict[str, Any], dim: int) -> torch.nn.Module:
     """A fresh network: `architecture` holds its registry name and its own options."""
     options = {key: value for key, value in architecture.items() if key != "name"}
-    return resolve("head", HEADS, architecture["name"])(dim, **options)
+    build = resolve("head", HEADS, architecture["name"])
+    try:
+        return build(dim, **options)
+    except (TypeError, ValueError, ArithmeticError, RuntimeError, AssertionError) as error:
+        raise RsaDataError(f"head {architecture['name']} with {options}: {error}") from error

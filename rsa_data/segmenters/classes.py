@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import shape
 from ..errors import RsaDataError
 from ..registry import unknown
 
+_FORM = {"first?": "a class number", "count?": "a class number"}
 _TABLES = Path(__file__).parent / "class_tables.toml"
 
 
@@ -72,22 +74,24 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
 
     A name "" is no class (background). Raises RsaDataError when it is not of that form.
     """
+    shape.check(spec, _FORM, where)
     names = spec.get("names")
     if isinstance(names, list):
         first = spec.get("first", 0)
         numbers = dict(enumerate(names, first))
-    elif isinstance(names, dict) and all(number.isdecimal() for number in names):
+    elif isinstance(names, dict) and all(n.isdecimal() and len(n) < 10 for n in names):
         numbers = {int(number): name for number, name in names.items()}
     else:
         raise RsaDataError(
             f'{where}: expected names = ["a", ...] or a table of number = name; found {names!r}'
         )
+    shape.check(list(numbers.values()), ["text"], f"{where}: names")
     things = spec.get("things", "all")
     if things == "all":
         countable = frozenset(numbers)
     elif things == "none":
         countable = frozenset()
-    elif strange := set(things) - set(numbers.values()):
+    elif strange := set(shape.check(things, ["text"], f"{where}: things")) - {*numbers.values()}:
         raise RsaDataError(f"{where}: things not among the names: {', '.join(sorted(strange))}")
     else:
         countable = frozenset(n for n, name in numbers.items() if name in things)

@@ -15,7 +15,7 @@ from ..datasets import Dataset
 from ..errors import RowError, RsaDataError, UsageError
 from ..progress import advance
 from ..registry import extras
-from . import Segments, classes, coco_json, to_table
+from . import Segments, classes, coco_json, masks, to_table
 from .classes import ClassTable
 from .coco_panoptic import ByFileName, categories
 from .found import Found, to_segments
@@ -108,6 +108,7 @@ def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
     given = result.get("segmentation")
     try:
         if isinstance(given, list) and given:
+            _check_polygons(given, height, width)
             given = coco_mask.merge(coco_mask.frPyObjects(given, height, width))
         elif isinstance(given, dict) and isinstance(given.get("counts"), list):
             given = coco_mask.frPyObjects(given, *given["size"])
@@ -115,6 +116,9 @@ def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
             raise RowError(f"expected a segmentation for every result or for none, found {given!r}")
         if list(given["size"]) != [height, width]:
             raise RowError(f"mask of size {given['size']}: expected the image's {[height, width]}")
+        if masks.covered(given["counts"]) != height * width:
+            # pycocotools would leave the rest as whatever memory held.
+            raise RowError(f"run lengths: expected {height * width} pixels in all, found others")
         with warnings.catch_warnings():
             # pycocotools' arrays do not know numpy 2's copy argument yet.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -123,6 +127,14 @@ def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
         raise
     except Exception as error:  # pycocotools raises nearly every built-in kind
         raise RowError(f"expected a segmentation as RLE or polygons: {error}") from error
+
+
+def _check_polygons(polygons: list[Any], height: int, width: int) -> None:
+    """Points far outside would take memory by their distance."""
+    points = np.concatenate([np.asarray(polygon, np.float64).ravel() for polygon in polygons])
+    most = 2 * max(height, width)
+    if not (np.abs(points) <= most).all():
+        raise RowError(f"polygon: expected points in the image, found one beyond {most} px")
 
 
 def image_id(image: str | None) -> int | str:

@@ -91,7 +91,8 @@ def segments(
     height, width = ids.shape
     if (record.get("width", width), record.get("height", height)) != (width, height):
         raise RowError(
-            f"expected {record['width']} x {record['height']} pixels, as the JSON says, "
+            f"expected {record.get('width', '?')} x {record.get('height', '?')} pixels, as the "
+            f"JSON says, "
             f"found {width} x {height}"
         )
     there, inverse, pixels = np.unique(ids, return_inverse=True, return_counts=True)

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from .. import registry
+from .. import registry, shape
 from ..errors import RowError, RsaDataError
 from ..models import Card, Device, open_session
 from . import Segments, classes
@@ -33,6 +34,21 @@ class Detector:
     batches: bool
 
 
+_SETTINGS: dict[str, Any] = {f"{key}_threshold?": "a share from 0 to 1"
+                             for key in ("score", "overlap", "own", "mask")}  # fmt: skip
+_SETTINGS |= {
+    f"{key}?": "text"
+    for key in ("family", "score", "sigmoid", "masks_show", "coordinates", "layout")
+}
+_SETTINGS |= {"through?": "text or two sides in px"}
+_SETTINGS |= {"strides?": ["a side in px"], "smallest?": "a number", "mask_axes?": "a count"}
+_FORM = {
+    "input": {"name": "text", "others?": {"*": {"fill?": "text", "shape?": ["a side in px"]}}},
+    "output": {"*": "text"},
+    "decoder": _SETTINGS,
+}
+
+
 def load(
     card: Card,
     path: Path,
@@ -52,6 +68,7 @@ def load(
     for key in ("input", "output", "decoder", "classes"):
         if not isinstance(card.get(key), dict):
             raise RsaDataError(f"{where}: expected a section [{key}]; found none")
+    shape.check(card, _FORM, where)
     settings = dict(card["decoder"])
     if score_threshold is not None:
         settings["score_threshold"] = score_threshold
@@ -133,8 +150,9 @@ def _feature_rows(values: np.ndarray, candidates: int | None, where: str, name: 
 
 def class_table(card: Card) -> ClassTable:
     """The class table of a card's [classes]: `table` by name (with its own `count`), or names."""
-    spec = card.get("classes", {})
     where = f"model card {card['name']}: [classes]"
+    form = {"table?": "text", "count?": "a class number"}
+    spec = shape.check(card.get("classes", {}), form, where)
     if "table" in spec:
         shipped = classes.table(spec["table"])
         return ClassTable(shipped.names, shipped.things, spec.get("count", shipped.count))

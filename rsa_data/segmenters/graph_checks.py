@@ -67,6 +67,10 @@ def _filler(
     fill = spec.get("fill", "")
     if fill == "ones":
         wanted = spec.get("shape", [1])
+        if len(wanted) != len(graph_input.shape):
+            raise RsaDataError(
+                f"{where}: [input.others] shape {wanted}: expected {len(graph_input.shape)} sides"
+            )
         shape = tuple(
             known if isinstance(known, int) else size
             for known, size in zip(graph_input.shape[1:], wanted[1:], strict=True)

@@ -117,3 +117,26 @@ def decode(counts: Sequence[str], height: int, width: int) -> list[np.ndarray]:
             coco_mask.decode({"size": [height, width], "counts": text}).astype(bool)
             for text in counts
         ]
+
+
+def covered(counts: str | bytes) -> int:
+    """Pixels that COCO's compressed RLE counts speak of, set and not set; -1 for no such counts.
+
+    Groups of 5 bits, the lowest first, 32 says that more follow, the last one's 16 is the sign;
+    from the fourth on, counts are told as the difference from the one before the last
+    (cocoapi, common/maskApi.c, rleFrString).
+    """
+    data = counts.encode() if isinstance(counts, str) else counts
+    codes = np.frombuffer(data, np.uint8).astype(np.int64) - 48
+    ends = np.flatnonzero(codes & 32 == 0)
+    if not len(codes) or codes.min() < 0 or codes.max() > 63 or ends[-1:] != len(codes) - 1:
+        return -1
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    place = np.arange(len(codes)) - np.repeat(starts, ends - starts + 1)
+    if place.max() > 6:
+        return -1
+    told = np.add.reduceat((codes & 31) << 5 * place, starts)
+    told -= np.where(codes[ends] & 16, np.int64(1) << 5 * (place[ends] + 1), 0)
+    odd, even = np.cumsum(told[1::2]), np.cumsum(told[2::2])
+    lengths = np.concatenate([told[:1], odd, even])
+    return int(lengths.sum()) if lengths.min() >= 0 else -1

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import shape
 from ..errors import RowError, RsaDataError
 from ..registry import unknown
 
@@ -53,6 +54,9 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
     its geometry. Raises RsaDataError when the description is not of this form, RowError for an
     image that becomes empty.
     """
+    shape.check(spec, _FORM, f"{where}: [input]")
+    if 0 in spec.get("std", ()):
+        raise RsaDataError(f"{where}: [input].std: expected numbers other than 0, found 0")
     try:
         resize = _RESIZES[spec["resize"]](spec)
     except KeyError as error:
@@ -88,6 +92,11 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
 
     return prepare
 
+
+_FORM = {f"{key}?": "text" for key in ("name", "resize", "resample", "colour", "layout")}
+_FORM |= {f"{key}?": "a side in px" for key in ("shortest", "longest", "multiple", "pad_multiple")}
+_FORM |= {f"{key}?": "a list of 3 numbers" for key in ("mean", "std")}
+_FORM |= {"size?": "two sides in px", "pad?": "a number", "scale?": "a number"}
 
 _CHOICES = {
     "colour": ("RGB", "BGR"),
