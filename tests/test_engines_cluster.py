@@ -19,6 +19,7 @@ from rsa_data.errors import RsaDataError
 from rsa_data.parts import Work
 
 PARTS, ROWS, VARIANTS = 60, 500, 20
+HERE = How(workers=2)
 
 # The command as it is typed, but for how long it waits for a cluster's head.
 COMMAND = """
@@ -50,7 +51,7 @@ def cluster():
 def undisturbed(tmp_path_factory) -> list[str]:
     work = made(tmp_path_factory.mktemp("undisturbed"))
     job = rooms.captions_job(work, variants=VARIANTS)
-    run.run(job, engine=How(workers=2), bar=rooms.NoBar)
+    run.run(job, engine=HERE, bar=rooms.NoBar)
     return outcome(work)
 
 
@@ -63,12 +64,12 @@ def outcome(work: Work) -> list[str]:
     return [table.receipt(number)["sha256"] for number in table.parts()]
 
 
-def begun(work: Work, address: str | None) -> subprocess.Popen:
+def begun(work: Work, address: str) -> subprocess.Popen:
     """The command on all of a cluster, from the moment it has done a few parts."""
     words = ["captions", "--dataset", "rooms", "--segments", "labels", "--variants", str(VARIANTS)]
     words += ["--work", work.store.location, "--engine", "ray", "--workers", "4"]
     process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, *words, *(["--ray-address", address] if address else [])],
+        [sys.executable, "-c", COMMAND, *words, "--ray-address", address],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -141,7 +142,7 @@ def test_nodes_that_are_lost(tmp_path, cluster, undisturbed):
 @pytest.mark.ray
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("signal_", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("signal_", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
 def test_a_head_that_is_lost_ends_the_command(tmp_path, cluster, undisturbed, signal_):
     work = made(tmp_path)
     process = begun(work, cluster.address)
@@ -161,8 +162,8 @@ def test_a_head_that_is_lost_ends_the_command(tmp_path, cluster, undisturbed, si
     assert "the head of the Ray cluster has not answered for 6 s" in err
     assert "Traceback" not in err, err
     assert 4 <= len(outcome(work)) < PARTS
-    code, out, err = ended(begun(work, None))
-    assert code == 0, out + err
+    # Workers that are left of the lost cluster end by themselves, and may finish a part meanwhile.
+    run.run(rooms.captions_job(work, variants=VARIANTS), engine=HERE, bar=rooms.NoBar)
     assert outcome(work) == undisturbed
 
 
