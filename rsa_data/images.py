@@ -6,6 +6,7 @@ works in threads, and raises on a truncated file where OpenCV may return what it
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 import stat
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from .errors import RowError, TransientError
+from .roots import RemotePath
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -23,6 +25,9 @@ SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".gif", ".tif", 
 
 # Twice the largest single photograph in use; 300 MB once decoded.
 MAX_PIXELS = 100_000_000
+
+# Bytes that hold the header of most files, with the thumbnail that cameras put there.
+_HEADER = 1 << 16
 
 _KINDS = "a JPEG, PNG, WebP, BMP, GIF or TIFF image"
 
@@ -61,12 +66,19 @@ def image_size(path: Path) -> tuple[int, int]:
     Raises as `read_image` does.
     """
     try:
+        if isinstance(path, RemotePath):
+            with contextlib.suppress(RowError):  # where the header is longer, or at the end
+                return _size(io.BytesIO(path.read_head(_HEADER)))
         with path.open("rb") as file:
-            image = _open(file)
-            width, height = image.size
-            return (height, width) if _orientation(image) >= 5 else (width, height)
+            return _size(file)
     except OSError as error:
         raise _file_error(error, path) from error
+
+
+def _size(file: BinaryIO) -> tuple[int, int]:
+    image = _open(file)
+    width, height = image.size
+    return (height, width) if _orientation(image) >= 5 else (width, height)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -76,7 +88,7 @@ def read_bytes(path: Path) -> bytes:
     """
     try:
         # A pipe would be waited for without end.
-        far = not isinstance(path, Path)
+        far = isinstance(path, RemotePath)
         if not far and not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise RowError("expected a file, found a pipe, socket or device")
         return path.read_bytes()

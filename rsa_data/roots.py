@@ -22,6 +22,9 @@ class Files(Protocol):
     def read(self, path: str) -> bytes | None:
         """The whole file, or None when there is none."""
 
+    def head(self, path: str, most: int) -> bytes | None:
+        """The first `most` bytes of the file, or None when there is none."""
+
     def size(self, path: str) -> int | None:
         """Bytes of the file, or None when there is none."""
 
@@ -148,16 +151,22 @@ class RemotePath:
                     yield from path.glob(rest)
 
     def read_bytes(self) -> bytes:
-        data = self.files.read(self._path)
-        if data is None:
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self))
-        return data
+        return self._there(self.files.read(self._path))
+
+    def read_head(self, most: int) -> bytes:
+        """The first `most` bytes, or fewer where the file is shorter."""
+        return self._there(self.files.head(self._path, most))
 
     def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
         return self.read_bytes().decode(encoding, errors)
 
     def open(self, mode: str = "rb") -> io.BytesIO:
         return io.BytesIO(self.read_bytes())
+
+    def _there(self, data: bytes | None) -> bytes:
+        if data is None:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self))
+        return data
 
     @property
     def _path(self) -> str:

@@ -64,6 +64,11 @@ class HttpFiles:
         answer = self._file("GET", path)
         return None if answer is None else answer.data
 
+    def head(self, path: str, most: int) -> bytes | None:
+        """The first `most` bytes of the file, or None when there is none."""
+        answer = self._file("GET", path, {"Range": f"bytes=0-{most - 1}"})
+        return None if answer is None else b"" if answer.status == 416 else answer.data[:most]
+
     def size(self, path: str) -> int | None:
         """Bytes of the file, or None when there is none; 0 where the server does not tell."""
         answer = self._file("HEAD", path)
@@ -99,18 +104,20 @@ class HttpFiles:
     def _url(self, path: str) -> str:
         return f"{self.location}/{urllib.parse.quote(path)}".rstrip("/")
 
-    def _file(self, method: str, path: str) -> Any:
+    def _file(self, method: str, path: str, headers: dict[str, str] | None = None) -> Any:
         """The answer, or None when there is nothing, or a folder: servers add the slash to it."""
-        answer = self._ask(method, path)
+        answer = self._ask(method, path, headers)
         return None if answer is None or (answer.geturl() or "").endswith("/") else answer
 
-    def _ask(self, method: str, path: str) -> Any:
+    def _ask(self, method: str, path: str, headers: dict[str, str] | None = None) -> Any:
         """The answer, or None when the server says that there is nothing."""
         from urllib3 import exceptions
 
         url = f"{self.location}/{urllib.parse.quote(path)}"
         try:
-            answer = self.pool.request(method, url)
+            answer = self.pool.request(
+                method, url, headers={**self.pool.headers, **(headers or {})}
+            )
         except (exceptions.HTTPError, ssl.SSLError) as error:
             reason = getattr(error, "reason", None) or error
             raise TransientError(
@@ -123,7 +130,7 @@ class HttpFiles:
                 f"cannot read {url}: the server answers {answer.status} {answer.reason}. Run the "
                 "same command again"
             )
-        if answer.status >= 400:
+        if answer.status >= 400 and answer.status != 416:  # the range of an empty file
             raise RowError(f"the server answers {answer.status} {answer.reason}")
         return answer
 

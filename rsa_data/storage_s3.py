@@ -52,6 +52,15 @@ class S3Store:
 
         return self._ask("read", path, get, missing=None)
 
+    def head(self, path: str, most: int) -> bytes | None:
+        """The first `most` bytes of the file, or None when there is none."""
+
+        def get() -> bytes:
+            given = {**self._at(path), "Range": f"bytes=0-{most - 1}"}
+            return self.client.get_object(**given)["Body"].read()
+
+        return self._ask("read", path, get, missing=None, empty=b"")
+
     def open(self, path: str) -> pa.NativeFile:
         data = self.read(path)
         if data is None:
@@ -123,7 +132,7 @@ class S3Store:
         return {"Bucket": self.bucket, "Key": self.prefix + path}
 
     def _ask(self, verb: str, path: str, request: Callable[[], T], **answers: Any) -> T:
-        """The answer to a request; `missing` and `taken` are what 404 and 412 mean here."""
+        """The answer to a request; `missing`, `taken`, `empty`: what 404, 412, 416 mean here."""
         from botocore import exceptions
 
         broken_off = (exceptions.HTTPClientError, exceptions.IncompleteReadError, ConnectionError)
@@ -138,6 +147,8 @@ class S3Store:
                     return answers["missing"]
                 if status == 412 and "taken" in answers:
                     return answers["taken"]
+                if status == 416 and "empty" in answers:
+                    return answers["empty"]
                 text = f"cannot {verb} {where}: {error}"
                 # 409: another conditional PUT of this key is under way; S3 asks to try again.
                 if status < 500 and status != 409 and code not in _PASSING:

@@ -3,6 +3,7 @@
 import functools
 import http.server
 import pickle
+import re
 import shutil
 import threading
 from pathlib import Path
@@ -173,6 +174,28 @@ def test_a_path_reads_like_one_of_a_folder(tmp_path, far):
         (root / "a").read_bytes()
     with pytest.raises(RowError, match=r"^no such file$"):
         images.read_image(root / "x.png")
+
+
+@everywhere
+def test_the_size_of_an_image_is_read_from_its_header(tmp_path, far):
+    noise = np.random.default_rng(0).integers(0, 255, (400, 300, 3), np.uint8)
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned by 90 degrees
+    for name in ("a.jpg", "b.png", "c.webp", "d.tiff"):
+        Image.fromarray(noise).save(tmp_path / name, **({"exif": exif} if name == "a.jpg" else {}))
+    (tmp_path / "empty.jpg").write_bytes(b"")
+    (tmp_path / "broken.jpg").write_bytes((tmp_path / "a.jpg").read_bytes()[:40])
+    root, weather = far(tmp_path)
+    for name in ("a.jpg", "b.png", "c.webp", "d.tiff"):
+        assert images.image_size(root / name) == images.image_size(tmp_path / name), name
+    for name in ("empty.jpg", "broken.jpg", "none.jpg"):
+        with pytest.raises(RowError) as near:
+            images.image_size(tmp_path / name)
+        with pytest.raises(RowError, match=re.escape(str(near.value))):
+            images.image_size(root / name)
+    weather.seen = []
+    images.image_size(root / "a.jpg")
+    assert weather.seen == ["GET"]
 
 
 def photos(root: Path) -> None:
