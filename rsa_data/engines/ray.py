@@ -28,11 +28,14 @@ class Actors:
         with extras("--engine ray"):
             import ray
         self.ray = ray
-        self.given = (_absolute(job), description, how.memory)
         self.joined = not ray.is_initialized()
         if self.joined:
             ray_cluster.connect(ray, job, how)
         takes = ray_cluster.size(job, ray.nodes(), how.workers)
+        if "GPU" not in takes and job.options.get("device") == "auto":
+            # A node with a GPU may join later, and Ray hides GPUs only from those that have some.
+            job = replace(job, options={**job.options, "device": "cpu"})
+        self.given = (_absolute(job), description, how.memory)
         self.watch = ray_cluster.Watch(ray, takes, self.joined and how.ray_address is None)
         options: dict[str, Any] = {"max_restarts": 0, "max_task_retries": 0}
         if how.memory is not None:
