@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from . import shape
 from .ahead import ahead
 from .errors import RowError, RsaDataError
 from .storage import Store, failpoint
@@ -19,6 +20,14 @@ from .storage import Store, failpoint
 _RECEIPT = re.compile(r"part-(\d{5,})\.json")
 _DATA = re.compile(r"part-(\d{5,})-[0-9a-f]{12}\.parquet")
 _COUNTS = ("rows", "bytes", "ok", "failed", "skipped")
+_FORM = dict.fromkeys(("part", *_COUNTS), "a count") | {
+    "file": "a file's name",
+    "sha256": "text",
+    "digest": "text",
+    "fingerprint?": "text",
+    "split?": "text",
+    "inputs?": {"*": "text"},
+}
 
 
 class Receipts:
@@ -43,14 +52,16 @@ class Receipts:
         return receipt
 
     def _find(self, number: int) -> dict[str, Any] | None:
-        data = self.store.read(self._receipt_path(number))
+        if (data := self.store.read(self._receipt_path(number))) is None:
+            return None
+        where = f"{self}: {self._receipt_path(number)}"
         try:
-            return None if data is None else json.loads(data)
-        except ValueError as error:
-            raise RsaDataError(
-                f"{self}: {self._receipt_path(number)}: expected a receipt, found {data!r:.60}. "
-                "Delete it to make the part again."
-            ) from error
+            found = shape.check(json.loads(data), _FORM, where)
+        except (ValueError, RecursionError, RsaDataError) as error:
+            known = isinstance(error, RsaDataError)
+            what = error if known else f"{where}: expected a receipt, found {data!r:.60}"
+            raise RsaDataError(f"{what}. Delete it to make the part again.") from error
+        return found
 
     def receipts(self, numbers: Iterable[int]) -> Iterator[dict[str, Any]]:
         """The receipts of parts that are done, in the order of `numbers`.
@@ -92,7 +103,14 @@ class Receipts:
     def stored_manifest(self) -> dict[str, Any] | None:
         """manifest.json as it lies there, or None when the table is not finished."""
         data = self.store.read(f"{self.path}/manifest.json")
-        return None if data is None else json.loads(data)
+        if data is None:
+            return None
+        try:
+            return shape.check(json.loads(data), {"parts": [_FORM]}, f"{self}: manifest.json")
+        except (ValueError, RecursionError) as error:
+            raise RsaDataError(
+                f"{self}: manifest.json: expected JSON, found {data!r:.60}. Run the stage again"
+            ) from error
 
     def complete(self) -> bool:
         """Whether the table has been finished; an index that was stopped half-way has not."""

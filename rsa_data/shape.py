@@ -36,7 +36,8 @@ def is_path(text: str) -> bool:
         sizes = [len(os.fsencode(part)) for part in path.parts]
     except UnicodeEncodeError:
         return False
-    return bool(path.name) and "\0" not in text and max(sizes) <= 255 and sum(sizes) < 3000
+    short = max(sizes, default=0) <= 255 and sum(sizes) + len(sizes) < 3000
+    return bool(path.name) and "\0" not in text and short
 
 
 def _two_sides(value: Any) -> bool:
@@ -73,7 +74,7 @@ KINDS: dict[str, Callable[[Any], bool]] = {
 
 
 def check(value: Any, form: Any, where: str) -> Any:
-    """The value itself if it has that form; raises RsaDataError that names the first wrong place."""
+    """The value itself if it has that form; RsaDataError that names the first wrong place."""
     if isinstance(form, str):
         if not KINDS[form](value):
             raise RsaDataError(f"{where}: expected {form}, found {found(value)}")

@@ -1,12 +1,12 @@
 """What stands in a work dir: how far each table is, and what is out of date."""
 
-import json
 from collections import Counter
 from typing import Any
 
 from . import index, logs, stages, tables
 from .console import table_lines
 from .errors import RsaDataError
+from .heads.description import parse
 from .parts import Parts, Work, fingerprint
 from .units import size
 
@@ -87,7 +87,11 @@ def heads(work: Work) -> list[str]:
 
 def head_state(work: Work, name: str) -> str:
     """Whether the tables that a head was trained on are still the same ones, or nothing to say."""
-    description = json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
+    try:
+        where = f"heads/{name}/head.json"
+        description = parse(work.store.read(where) or b"{}", where)
+    except RsaDataError as error:
+        return f"damaged: {error}"
     changed = []
     for dataset, about in description.get("datasets", {}).items():
         if dataset not in work.datasets():
