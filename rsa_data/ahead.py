@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
+from . import progress
 from .errors import RowError
 
 T = TypeVar("T")
@@ -29,6 +30,14 @@ def ahead(
     finally:
         for future in futures:  # after an error nobody wants them
             future.cancel()
+
+
+def each(one: Callable[[T], R], items: Iterable[T], helpers: int) -> Iterator[R | RowError]:
+    """`one` of each item in order, by `helpers` threads; each is one row of progress."""
+    with ThreadPoolExecutor(helpers) as pool:
+        for found in ahead(pool, one, items, helpers):
+            progress.advance(1)
+            yield found
 
 
 def settled(future: Future[Any]) -> Any:

@@ -29,6 +29,9 @@ MAX_PIXELS = 100_000_000
 # Bytes that hold the header of most files, with the thumbnail that cameras put there.
 _HEADER = 1 << 16
 
+# Why a row fails whose file is not there.
+MISSING = "no such file"
+
 _KINDS = "a JPEG, PNG, WebP, BMP, GIF or TIFF image"
 
 
@@ -103,7 +106,7 @@ def reason(error: Exception) -> str:
 
 def _file_error(error: OSError, path: Path) -> RowError | TransientError:
     if isinstance(error, (FileNotFoundError, NotADirectoryError)):
-        return RowError("no such file")
+        return RowError(MISSING)
     if isinstance(error, IsADirectoryError):
         return RowError("expected a file, found a directory")
     return TransientError(f"{path}: {error.strerror}; the part can be run again")

@@ -1,7 +1,6 @@
 """The depth stage: samples -> relative depth where the ground truth is, with each image's fits."""
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,10 +8,9 @@ import numpy as np
 import pyarrow as pa
 
 from .. import registry, tables
-from ..ahead import ahead
+from ..ahead import each
 from ..datasets import Dataset
 from ..errors import RowError, UsageError
-from ..progress import advance
 from ..roots import readers
 from . import Relative, Source
 from .fits import inverse_fit, median_scale
@@ -71,12 +69,7 @@ def build(
             return _row(sample, dataset, root, source, None if whole else pixels, seed)
 
         columns = ("sample_id", "split", "image", "depth")
-        helpers = readers(root)
-        rows: list[Any] = []
-        with ThreadPoolExecutor(helpers) as pool:
-            for row in ahead(pool, measured, samples.select(columns).to_pylist(), helpers):
-                rows.append(row)
-                advance(1)
+        rows: list[Any] = list(each(measured, samples.select(columns).to_pylist(), readers(root)))
         names = tables.schema("depth").names
         return tables.from_columns("depth", {n: [row.get(n) for row in rows] for n in names})
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ..ahead import each
 from ..datasets import Dataset
 from ..errors import RowError, RsaDataError
-from ..progress import advance
+from ..roots import readers
 from . import Segments, classes, maps, to_table
 from .found import Found, to_segments
 
@@ -47,14 +48,8 @@ def build(
             raise RowError(f"{_WHERE}: {below}: {error}") from error
 
     def step(samples: pa.Table) -> pa.Table:
-        results: list[Segments | RowError] = []
-        for image in samples["image"].to_pylist():
-            try:
-                results.append(one(image))
-            except RowError as error:
-                results.append(error)
-            advance(1)
-        return to_table(samples["sample_id"].to_pylist(), results)
+        found = each(one, samples["image"].to_pylist(), readers(root))
+        return to_table(samples["sample_id"].to_pylist(), found)
 
     return step
 

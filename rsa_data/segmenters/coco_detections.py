@@ -2,6 +2,7 @@
 
 import json
 import re
+import threading
 import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path, PurePosixPath
@@ -11,16 +12,18 @@ import numpy as np
 import pyarrow as pa
 
 from .. import images
+from ..ahead import each
 from ..datasets import Dataset
 from ..errors import RowError, RsaDataError, UsageError
-from ..progress import advance
 from ..registry import extras
+from ..roots import readers
 from . import Segments, classes, coco_json, masks, to_table
 from .classes import ClassTable
 from .coco_panoptic import ByFileName, categories
 from .found import Found, to_segments
 
 _WHERE = "segments/coco-detections"
+_ALONE = threading.Lock()
 
 
 def build(
@@ -56,14 +59,8 @@ def build(
             raise RowError(f"{_WHERE}: image {record['id']}: {error}") from error
 
     def step(samples: pa.Table) -> pa.Table:
-        results: list[Segments | RowError] = []
-        for sample in samples.select(["image", "width", "height"]).to_pylist():
-            try:
-                results.append(one(sample))
-            except RowError as error:
-                results.append(error)
-            advance(1)
-        return to_table(samples["sample_id"].to_pylist(), results)
+        rows = samples.select(["image", "width", "height"]).to_pylist()
+        return to_table(samples["sample_id"].to_pylist(), each(one, rows, readers(root)))
 
     return step
 
@@ -119,7 +116,8 @@ def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
         if masks.covered(given["counts"]) != height * width:
             # pycocotools would leave the rest as whatever memory held.
             raise RowError(f"run lengths: expected {height * width} pixels in all, found others")
-        with warnings.catch_warnings():
+        # What catch_warnings changes is the whole process's.
+        with _ALONE, warnings.catch_warnings():
             # pycocotools' arrays do not know numpy 2's copy argument yet.
             warnings.simplefilter("ignore", DeprecationWarning)
             return coco_mask.decode(given).astype(bool)

@@ -1,17 +1,18 @@
 """Segments of COCO panoptic annotations: a JSON file and a folder of PNG id maps."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from ..ahead import each
 from ..datasets import Dataset
 from ..datasets.listing import inside
 from ..errors import RowError, RsaDataError
-from ..progress import advance
+from ..roots import readers
 from . import Segments, coco_json, maps, to_table
 from .classes import ClassTable, caption_name
 from .found import Found, to_segments
@@ -65,7 +66,7 @@ def build(
     def step(samples: pa.Table) -> pa.Table:
         return to_table(
             samples["sample_id"].to_pylist(),
-            by_name.each_once(samples["image"].to_pylist(), one),
+            by_name.each_once(samples["image"].to_pylist(), one, readers(root)),
         )
 
     return step
@@ -171,8 +172,8 @@ class ByFileName:
         raise RowError(f"{self.where}: expected an image {image} or {parts[-1]}, found none")
 
     def each_once(
-        self, paths: list[str | None], one: Callable[[str | None], Segments]
-    ) -> list[Segments | RowError]:
+        self, paths: list[str | None], one: Callable[[str | None], Segments], helpers: int
+    ) -> Iterator[Segments | RowError]:
         """`one` of each path; a record that two paths would share is an error for both."""
         owners: dict[str, list[str | None]] = {}
         for path in paths:
@@ -180,17 +181,14 @@ class ByFileName:
                 owners.setdefault(self.find(path)["file_name"], []).append(path)
             except RowError:
                 continue
-        results: list[Segments | RowError] = []
-        for path in paths:
-            try:
-                name = self.find(path)["file_name"]
-                if len(owners[name]) > 1:
-                    raise RowError(f"{self.where}: image {name} would stand for several samples")
-                results.append(one(path))
-            except RowError as error:
-                results.append(error)
-            advance(1)
-        return results
+
+        def alone(path: str | None) -> Segments:
+            name = self.find(path)["file_name"]
+            if len(owners[name]) > 1:
+                raise RowError(f"{self.where}: image {name} would stand for several samples")
+            return one(path)
+
+        return each(alone, paths, helpers)
 
 
 def _json_path(argument: str | None) -> Path:

@@ -50,11 +50,13 @@ def _decode(path: Path) -> tuple[np.ndarray, str]:
 
 def check_size(numbers: np.ndarray, root: Path | None, image: str | None, what: str) -> None:
     """Raises RowError unless a map has the size of the image below `root`, where it is there."""
-    if root is None or image is None or not (root / image).is_file():
+    if root is None or image is None:
         return
     try:
         width, height = images.image_size(root / image)
     except RowError as error:
+        if str(error) == images.MISSING:
+            return
         raise RowError(f"{image}: {error}") from error
     if numbers.shape != (height, width):
         found = f"{numbers.shape[1]} x {numbers.shape[0]}"
