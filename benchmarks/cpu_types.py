@@ -41,6 +41,8 @@ TEXTS = [
     "a bed occupies 31.2% of the image, a wall occupies 40.1% of the image",
 ]
 IMAGES = ("nyuv2/rgb_00000.jpg", "kitti/0000000005.png", "sunrgbd/000017.jpg")
+# Refused by the audit of the stage that makes it; measured, and held against nothing.
+REFUSED = ("minilm int8",)
 LEVELS = {
     "avx2": {
         "ATEN_CPU_CAPABILITY": "avx2",
@@ -213,7 +215,7 @@ def main() -> int:
                 tolerance = verify.TOLERANCES[precision]
                 wrong, share = verify.compare(one, two, tolerance)
                 value, column = differences(one, two)
-                worst = max(worst, share / tolerance)
+                worst = max(worst, share / tolerance if name not in REFUSED else 0.0)
                 said = "; ".join(wrong) or ("within the tolerance" if share else "the same")
                 print(
                     f"{name:26} {run:18} row {share:.2e}, value {value:.2e} ({column}), "

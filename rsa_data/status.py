@@ -53,19 +53,28 @@ def stale(work: Work, table: Parts) -> str:
 
 def outdated(work: Work, table: Parts) -> set[int]:
     """Parts made from an input that has changed since, or is itself out of date."""
-    return _outdated(work, table, {}, {})
+    return _outdated(work, table, {}, {}, ())
 
 
 def _outdated(
-    work: Work, table: Parts, known: dict[str, set[int]], digests: dict[str, dict[int, str]]
+    work: Work,
+    table: Parts,
+    known: dict[str, set[int]],
+    digests: dict[str, dict[int, str]],
+    above: tuple[str, ...],
 ) -> set[int]:
-    """known, digests : by table, what has been found out so far; every receipt is read once."""
+    """known, digests : by table, what has been found out so far; every receipt is read once.
+
+    above : tables that are made from this one; raises RsaDataError when it is among them.
+    """
+    if table.name in above:
+        raise RsaDataError(f"{table}: table.json: its inputs lead back to it")
     inputs = [work.table(table.dataset, name) for name in table.description()["inputs"]]
     old: set[int] = set()
     for source in inputs:
         if source.exists():
             if source.name not in known:
-                known[source.name] = _outdated(work, source, known, digests)
+                known[source.name] = _outdated(work, source, known, digests, (*above, table.name))
             old |= known[source.name]
         if source.name not in digests:
             receipts = source.receipts(source.parts())

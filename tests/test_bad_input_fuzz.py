@@ -15,11 +15,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from rsa_data import images, jobs, models
+from rsa_data import images, jobs, models, status
 from rsa_data.datasets.depth_files import npy, png16
 from rsa_data.datasets.folder import folder
 from rsa_data.datasets.listing import inside
 from rsa_data.depth import files as depth_files
+from rsa_data.encoders.tokenizers import named as tokenizer_named
 from rsa_data.errors import RowError, RsaDataError
 from rsa_data.segmenters import (
     classes,
@@ -354,6 +355,46 @@ def test_files_of_a_table_that_somebody_changed(tmp_path, content, name):
     (tmp_path / "rooms" / "samples" / name).write_bytes(content)
     with pytest.raises(RsaDataError, match=name.replace(".", r"\.")):
         table.description(), table.receipt(0), table.stored_manifest()
+
+
+def test_inputs_that_lead_back_to_their_table(tmp_path):
+    work = rooms.made(tmp_path, parts=1, rows=2)
+    path = tmp_path / "rooms" / "segments" / "labels" / "table.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "inputs": ["segments/labels"]}))
+    with pytest.raises(RsaDataError, match="its inputs lead back to it"):
+        status.status(work)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("tokenizer.json", "-0.5", "expected a tokenizer"),
+        ("config.json", '{"max_position_embeddings": "nan"}', "expected a side in px"),
+        ("config.json", '{"text_config": 3}', "expected an object"),
+        ("config.json", "[]", "expected an object"),
+        ("sentence_bert_config.json", "{}", "max_seq_length"),
+    ],
+)
+def test_model_folders_that_somebody_changed(tmp_path, name, content, words):
+    tokenizers = pytest.importorskip("tokenizers")
+    made = tokenizers.Tokenizer(tokenizers.models.WordLevel({"a": 0}, unk_token="a"))
+    files = {"tokenizer.json": made.to_str(), "config.json": '{"max_position_embeddings": 9}'}
+    for file, text in {**files, name: content}.items():
+        (tmp_path / file).write_text(text)
+    with pytest.raises(RsaDataError, match=words):
+        tokenizer_named(f"hf:{tmp_path}")
+
+
+def test_a_tokenizer_that_panics(tmp_path):
+    tokenizers = pytest.importorskip("tokenizers")
+    made = tokenizers.Tokenizer(tokenizers.models.WordLevel({"a": 0}, unk_token="a"))
+    ends = [("[CLS]", 0)]
+    made.post_processor = tokenizers.processors.TemplateProcessing("[CLS] $A", None, ends)
+    text = made.to_str().replace('{"id":"[CLS]","type_id"', '{"id":"[SEP]","type_id"')
+    (tmp_path / "tokenizer.json").write_text(text)
+    (tmp_path / "config.json").write_text('{"max_position_embeddings": 9}')
+    with pytest.raises(RsaDataError, match=r"tokenizer\.json"):
+        tokenizer_named(f"hf:{tmp_path}").count(["a"])
 
 
 def test_a_receipt_cannot_name_a_file_elsewhere(tmp_path):

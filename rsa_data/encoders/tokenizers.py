@@ -133,7 +133,12 @@ def _from_json(content: bytes) -> tuple[Callable[[Sequence[str]], list[list[int]
     pieces.no_padding()
 
     def ids(texts: Sequence[str]) -> list[list[int]]:
-        return [row.ids for row in pieces.encode_batch(list(texts))]
+        try:
+            return [row.ids for row in pieces.encode_batch(list(texts))]
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as error:  # a panic of its Rust code is no Exception
+            raise RsaDataError(f"tokenizer.json: the tokenizer is damaged: {error}") from error
 
     return ids, pieces.num_special_tokens_to_add(False)
 
