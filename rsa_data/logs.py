@@ -74,13 +74,16 @@ def last_run(work: Work, dataset: str, table: str) -> list[dict[str, Any]]:
 
 def rate(events: list[dict[str, Any]]) -> float | None:
     """Rows a second over all workers of a run, from its first event to its last part."""
-    parts = [event for event in events if event["event"] == "part"]
+    parts = [event for event in events if event.get("event") == "part"]
     if not parts:
         return None
-    begun, ended = (_seconds(event["time"]) for event in (events[0], parts[-1]))
-    longest = max(event["seconds"] for event in parts)
-    # Times are whole seconds: a short run lasted at least as long as its longest part.
-    return sum(event["rows"] for event in parts) / max(ended - begun, longest, 1e-3)
+    try:
+        begun, ended = (_seconds(event["time"]) for event in (events[0], parts[-1]))
+        longest = max(event["seconds"] for event in parts)
+        # Times are whole seconds: a short run lasted at least as long as its longest part.
+        return sum(event["rows"] for event in parts) / max(ended - begun, longest, 1e-3)
+    except (KeyError, TypeError, ValueError, OverflowError):  # a log that somebody changed
+        return None
 
 
 def _seconds(moment: str) -> float:

@@ -182,9 +182,9 @@ def job_of(work: Work, dataset: str, table: str) -> Job:
     there = work.table(dataset, table)
     description = there.description()
     last = json_object(there.store.read(f"{there.path}/local.json"))
-    inputs = description["inputs"]
-    upstream = inputs[0] if inputs[0] != "samples" else None
-    given = {**description["options"], **last}
+    inputs = description.get("inputs", [])
+    upstream = inputs[0] if inputs and inputs[0] != "samples" else None
+    given = {**description.get("options", {}), **last}
     return job(work, description["stage"], dataset, given, upstream=upstream)
 
 

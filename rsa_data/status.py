@@ -40,7 +40,7 @@ def stale(work: Work, table: Parts) -> str:
     """Says how many parts are out of date, and what to do, or nothing."""
     description = table.description()
     stage = stages.STAGES.get(description["stage"])
-    if stage is not None and description["stage_version"] != stage.version:
+    if stage is not None and description.get("stage_version") != stage.version:
         return "made by another version of its stage: --start-over makes it anew"
     if description.get("schema_version") not in (
         None,
@@ -69,7 +69,7 @@ def _outdated(
     """
     if table.name in above:
         raise RsaDataError(f"{table}: table.json: its inputs lead back to it")
-    inputs = [work.table(table.dataset, name) for name in table.description()["inputs"]]
+    inputs = [work.table(table.dataset, name) for name in table.description().get("inputs", [])]
     old: set[int] = set()
     for source in inputs:
         if source.exists():

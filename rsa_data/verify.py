@@ -80,7 +80,7 @@ def _check(
     if tables.digest(rows) != receipt["digest"]:
         yield "the content has another digest than the receipt says"
     stage = stages.STAGES.get(description["stage"])
-    for name in description["inputs"][:1]:
+    for name in description.get("inputs", [])[:1]:
         source = work.table(table.dataset, name)
         if number not in source.parts():
             yield f"its input {name} is not there any more"

@@ -91,6 +91,6 @@ def test_text_must_be_there_and_only_one(work):
     assert inputs_of(work, ["nyuv2", "void"], None, None) == ("occupancy", "minilm", [])
     with pytest.raises(RsaDataError, match="rsa-data embed"):
         inputs_of(work, ["nyuv2"], "counts", None)
-    work.table("nyuv2", "embeddings/counts/minilm").bind({"schema": "embeddings"})
+    work.table("nyuv2", "embeddings/counts/minilm").bind({"stage": "embed", "schema": "embeddings"})
     with pytest.raises(UsageError, match="counts/minilm, occupancy/minilm"):
         inputs_of(work, ["nyuv2"], None, None)
