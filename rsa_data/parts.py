@@ -79,6 +79,7 @@ class Parts(Receipts):
             raise RsaDataError(f"{self}: no such table. Tables there: {self._neighbours()}")
         try:
             found = shape.check(json.loads(data), _FORM, f"{self}: table.json")
+            to_json(found)  # a lone surrogate, which JSON can spell, has no UTF-8
         except (ValueError, RecursionError) as error:
             raise RsaDataError(
                 f"{self}: table.json: expected JSON, found {data!r:.60}. --start-over makes it anew"

@@ -31,6 +31,7 @@ from rsa_data.segmenters import (
     masks,
     rsa_release,
 )
+from rsa_data.units import parse_size
 
 FEW = settings(
     max_examples=int(os.environ.get("RSA_DATA_FUZZ", "150")),
@@ -346,6 +347,13 @@ def test_model_cards_with_values_of_another_kind(tmp_path, old, new):
     with pytest.raises(RsaDataError, match="model card a"):
         card = models.read_card(tmp_path / "a.toml")
         graph.load(card, tmp_path / "none.onnx", table=graph.class_table(card))
+
+
+def test_values_of_options_that_nobody_means():
+    with pytest.raises(RsaDataError, match="expected a size"):
+        parse_size("1" * 400, "--memory-limit")
+    with pytest.raises(RsaDataError):
+        tokenizer_named("hf:" + "a" * 5000)
 
 
 @pytest.mark.parametrize("content", [b"[]", b"3", b'{"part": 0}', b"\xe1", b"[" * 100_000])

@@ -52,7 +52,7 @@ class Server:
         if wanted:
             return wanted
         try:
-            names = [entry["id"] for entry in self._send("/models", None)["data"]]
+            names = [str(entry["id"]) for entry in self._send("/models", None)["data"]]
         except (KeyError, TypeError, RowError) as error:
             raise RsaDataError(
                 f"{self.base}/models: expected a list of models; name one: --style vlm:MODEL"

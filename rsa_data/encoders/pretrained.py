@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RsaDataError
+from ..shape import is_path
 from . import Ids
 
 # What a folder may hold that decides features. Pickled weights (.bin, .pt) are not among them, and
@@ -22,7 +23,7 @@ def folder_of(name: str, weights: Path | None) -> Path:
     Raises RsaDataError when it cannot be had.
     """
     folder = weights or Path(name).expanduser()
-    if folder.is_dir():
+    if is_path(str(folder)) and folder.is_dir():
         return folder
     if weights is not None or name.startswith((".", "/", "~")):
         raise RsaDataError(f"expected a model's folder; there is none at {folder}")
