@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -137,6 +138,53 @@ def test_a_part_that_kills_its_worker_is_left_undone_and_the_others_are_done(mon
     assert sorted(done) == [0, 2, 3]
     assert undone == {1: "its worker died 3 times; the last one burnt"}
     assert isinstance(results[-1].error, TransientError) and crew.begun == 3
+
+
+def freeze_once(pid: int, folder: Path) -> None:
+    """Stops the first worker process below `pid` as soon as a part has its receipt."""
+    while not list(folder.glob("part-*.json")):
+        time.sleep(0.01)
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    workers = [p for p in children if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+    os.kill(int(workers[0]), signal.SIGSTOP)
+
+
+def test_a_worker_that_hangs_does_not_hold_the_run(tmp_path, undisturbed, monkeypatch):
+    monkeypatch.setattr(engines, "LATE_AFTER", 2.0)
+    monkeypatch.setattr(engines, "LATE_TIMES", 2)
+    work = rooms.made(tmp_path)
+    table = tmp_path / "rooms" / "captions" / "occupancy"
+    thread = threading.Thread(target=freeze_once, args=(os.getpid(), table))
+    thread.start()
+    summary = run.run(rooms.captions_job(work), engine=How(workers=2), bar=rooms.NoBar)
+    thread.join()
+    assert (summary.done, summary.undone) == (4, {})
+    assert files(work) == undisturbed
+
+
+class Slow(Lossy):
+    """A crew of two workers, of which the first never says anything."""
+
+    def start(self):
+        self.begun += 1
+        self.waiting.append(engines.News(self.begun, "ready"))
+
+    def give(self, worker, task):
+        if worker == 2:
+            news = engines.Result(task.number, {"part": task.number})
+            self.waiting.append(engines.News(worker, "result", news))
+        else:
+            self.held = task
+
+
+def test_the_part_of_a_worker_that_says_nothing_is_given_to_an_idle_one(monkeypatch):
+    monkeypatch.setattr(engines, "LATE_AFTER", 0.2)
+    crew = Slow()
+    monkeypatch.setitem(engines.ENGINES, "slow", "nowhere:nothing")
+    monkeypatch.setattr(engines.registry, "resolve", lambda *_: lambda *given: crew)
+    results = list(engines.run(None, {}, [Task(n) for n in range(4)], How("slow", workers=2)))
+    assert sorted(r.number for r in results) == [0, 1, 2, 3] and crew.held is not None
+    assert results[-1].number == crew.held.number
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ part after the other, gives the part of a worker that died to another one, a bou
 times, and yields what became of every part.
 """
 
+import logging
 import os
 import pickle
 import socket
@@ -27,6 +28,12 @@ ENGINES = {
 
 # A part whose worker died is tried this often: once may be bad luck, thrice is the part.
 ATTEMPTS = 3
+
+# A part that takes so many times as long as the longest one before it, and so many seconds, is
+# given to a second worker that has nothing else to do.
+LATE_TIMES, LATE_AFTER = 10, 600.0
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -163,11 +170,12 @@ def _lead(
 ) -> Iterator[Result]:
     """Gives out the parts until each has ended."""
     queue, busy = deque(tasks), dict[Any, Task]()
-    idle: list[Any] = []
+    left, idle = {task.number for task in tasks}, list[Any]()
+    begun, longest = dict[Any, float](), 0.0
     deaths, in_a_row = Counter[int](), 0
     for _ in range(workers):
         crew.start()
-    while queue or busy:
+    while left:
         for news in crew.news(1.0):
             if news.kind == "broken":
                 raise news.value
@@ -178,8 +186,10 @@ def _lead(
             elif news.kind == "result":
                 busy.pop(news.worker)
                 idle.append(news.worker)
-                in_a_row = 0
-                yield news.value
+                in_a_row, longest = 0, max(longest, news.value.seconds)
+                if news.value.number in left:
+                    left.remove(news.value.number)
+                    yield news.value
             else:
                 in_a_row += 1
                 if news.worker in idle:
@@ -190,16 +200,27 @@ def _lead(
                         "Finished parts are kept: run the same command again, with fewer --workers "
                         "if memory was short"
                     )
-                if (task := busy.pop(news.worker, None)) is not None:
+                task = busy.pop(news.worker, None)
+                if task is not None and task.number in left and task not in busy.values():
                     deaths[task.number] += 1
                     if deaths[task.number] < ATTEMPTS:
                         queue.append(task)
                     else:
+                        left.remove(task.number)
                         why = f"its worker died {ATTEMPTS} times; the last one {news.value}"
                         yield Result(task.number, None, TransientError(why))
                 if queue:
                     crew.start()
             while queue and idle:
                 worker, task = idle.pop(), queue.popleft()
-                busy[worker] = task
+                busy[worker], begun[worker] = task, time.monotonic()
                 crew.give(worker, task)
+        # A worker that hangs tells nobody: its part is given to one that has nothing to do, and
+        # what is committed first stays.
+        patience = max(LATE_AFTER, LATE_TIMES * longest)
+        for slow in [w for w in busy if idle and time.monotonic() - begun[w] > patience]:
+            if idle and list(busy.values()).count(busy[slow]) == 1 and busy[slow].number in left:
+                worker = idle.pop()
+                busy[worker], begun[worker] = busy[slow], time.monotonic()
+                _log.warning("part %d takes long: given to a second worker", busy[slow].number)
+                crew.give(worker, busy[slow])
