@@ -134,8 +134,39 @@ def test_nodes_that_are_lost(tmp_path, cluster, undisturbed):
     assert code == 0, out + err
     assert outcome(work) == undisturbed
     assert "Traceback" not in err and "raylet" not in out, out + err
-    log = sorted((Path(work.store.location) / "logs").glob("*captions*"))[-1].read_text()
-    assert "The Ray cluster has lost 1 of its nodes" in log
+
+
+class Nodes:
+    """What a watch asks of Ray: three nodes, and from the second question on two."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def get_runtime_context(self):
+        return self
+
+    def get_node_id(self):
+        return "own"
+
+    def nodes(self):
+        self.asked += 1
+        names = ["own", "other", "third"]
+        return [
+            {"NodeID": n, "Alive": self.asked == 1 or n != "third", "Resources": {"CPU": 2.0}}
+            for n in names
+        ]
+
+
+def test_lost_nodes_are_counted_once_in_the_log(monkeypatch, caplog):
+    monkeypatch.setattr(ray_cluster, "_EVERY", 0.01)
+    ray = Nodes()
+    watch = ray_cluster.Watch(ray, {"CPU": 1.0}, local=False)
+    while ray.asked < 5:
+        time.sleep(0.01)
+    watch.check(working=False)
+    watch.stop()
+    told = "The Ray cluster has lost 1 of its nodes; 2 are left, which take over"
+    assert [record.getMessage() for record in caplog.records] == [told]
 
 
 @pytest.mark.ray
