@@ -2,9 +2,8 @@
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -13,13 +12,14 @@ from ..errors import RowError, RsaDataError, UsageError
 from . import Dataset
 from .cameras import UNKNOWN, Camera, read_matrix
 from .depth_files import UNITS, npy, png16, units_per_metre
+from .held_out import held_out_last, held_out_listed
 from .listing import (
     Sample,
     files_below,
     guide,
     inside,
     is_image,
-    lines,
+    paths,
     require_folder,
     stem,
     to_table,
@@ -150,9 +150,9 @@ def _index(
             "found both"
         )
     if test_list:
-        found = _hold_out_listed(found, test_list)
+        found = held_out_listed(found, test_list, "folder")
     elif test_share:
-        found = _hold_out_last(found, test_share)
+        found = held_out_last(found, test_share)
     return to_table("folder", root, found, split)
 
 
@@ -188,16 +188,10 @@ def _samples(
 def _listed_files(listed: Path) -> dict[str, list[str]]:
     """The files of a list, as `files_below` gives those of a folder."""
     files: dict[str, list[str]] = {}
-    for path in sorted({path for _, path in _paths(listed)}):
+    for path in sorted({path for _, path in paths(listed, "folder")}):
         below, slash, name = path.rpartition("/")
         files.setdefault(below + slash, []).append(name)
     return files
-
-
-def _paths(listed: Path) -> Iterator[tuple[str, str]]:
-    """(where, path below the root) of each line of a list."""
-    for where, fields in lines(listed, "folder"):
-        yield where, str(PurePosixPath(inside(" ".join(fields), where)))
 
 
 def _paired(images: list[str], depths: list[str], within: float | None) -> list[str | None]:
@@ -238,29 +232,3 @@ def _camera(root: Path, text: str) -> Camera:
 def _natural(key: str) -> list[tuple[int, str]]:
     """A sort key by which frame_9 comes before frame_10."""
     return [(int(d), "") if d else (-1, t) for t, d in re.findall(r"(\D+)|(\d+)", key)]
-
-
-def _hold_out_last(found: list[Sample], share: float) -> list[Sample]:
-    """The last scenes that hold `share` of the images together; of one scene its last frames."""
-    wanted = round(share * len(found))
-    scenes = list(dict.fromkeys(s.scene for s in found))
-    if len(scenes) == 1:
-        start = len(found) - wanted
-        return [replace(s, split="test") if i >= start else s for i, s in enumerate(found)]
-    sizes = {name: sum(s.scene == name for s in found) for name in scenes}
-    held: set[str] = set()
-    for name in reversed(scenes[1:]):
-        if sum(sizes[h] for h in held) >= wanted:
-            break
-        held.add(name)
-    return [replace(s, split="test") if s.scene in held else s for s in found]
-
-
-def _hold_out_listed(found: list[Sample], listed: Path) -> list[Sample]:
-    known = {s.image for s in found}
-    held = set()
-    for where, path in _paths(listed):
-        if path not in known:
-            raise RsaDataError(f"{where}: expected the path of an image, found {path!r}")
-        held.add(path)
-    return [replace(s, split="test") if s.image in held else s for s in found]

@@ -172,6 +172,12 @@ def lines(path: Path, name: str) -> Iterator[tuple[str, list[str]]]:
             yield f"{name}: {path} line {number}", fields
 
 
+def paths(listed: Path, name: str) -> Iterator[tuple[str, str]]:
+    """(where, path below the root) of each line of a list of paths; see `lines` and `inside`."""
+    for where, fields in lines(listed, name):
+        yield where, str(PurePosixPath(inside(" ".join(fields), where)))
+
+
 def inside(text: str, where: str) -> str:
     """A path of a split file, relative to root, refused when it would lead out of it.
 
