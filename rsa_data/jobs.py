@@ -22,8 +22,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from . import index, options, pipeline, registry, stages, tables
-from .errors import UsageError
+from . import index, options, pipeline, registry, shape, stages, tables
+from .errors import RsaDataError, UsageError
 from .parts import Work
 from .pipeline import How
 from .roots import open_root
@@ -36,6 +36,12 @@ _WHOLE = {
     "robustness": "rsa_data.evaluation.robustness:robustness",
 }
 _TOP = ("doc", "dataset", *_ROW_STAGES, *_WHOLE)
+
+
+_FORM = {f"{stage}?": "an object" for stage in _ROW_STAGES} | {
+    "doc?": "text",
+    "dataset?": {"*": {"builder?": "text", "root?": "text"}},
+}
 
 
 def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -63,10 +69,18 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]
         place = job
         for name in places:
             place = place.setdefault(name, {})
+            if not isinstance(place, dict):
+                raise UsageError(f"{path}: {where}: expected {name} to be a table, found {place!r}")
         place[last] = value
     for name in job:
         if name not in _TOP:
             raise UsageError(f"{path}: {registry.unknown('table', name, _TOP)}")
+    try:
+        shape.check(job, _FORM, str(path))
+        for name in _WHOLE:
+            shape.check(_each(job, name), [{}], f"{path}.{name}")
+    except RsaDataError as error:
+        raise UsageError(str(error)) from error
     if not job.get("dataset"):
         raise UsageError(f"{path}: expected at least one [dataset.NAME]; found none")
     for name, entry in job["dataset"].items():

@@ -40,6 +40,24 @@ def test_mistakes_are_named_before_anything_runs(tmp_path, text, message):
         jobs.load(written(tmp_path, text))
 
 
+@pytest.mark.parametrize(
+    ("text", "changes", "reason"),
+    [
+        ("[[dataset.a]]", {}, "dataset.a: expected an object, found "),
+        ("dataset = 1", {}, "dataset: expected an object, found 1"),
+        ("[dataset.a]\nbuilder = 1", {}, "dataset.a.builder: expected text, found 1"),
+        ("[dataset.folder]\n[[embed]]\nencoder = 'x'", {}, "embed: expected an object, found "),
+        ("[dataset.folder]\n[train-head]\nname.x = 1", {}, "train-head: name: expected str"),
+        ("evaluate = [1]\n[dataset.folder]", {}, r"evaluate\[0\]: expected an object, found 1"),
+        ("doc = 'x'\n[dataset.folder]", {"doc.x.y": 1}, "expected doc to be a table, found 'x'"),
+    ],
+)
+def test_tables_of_another_kind_are_named(tmp_path, text, changes, reason):
+    (tmp_path / "job.toml").write_text(text)
+    with pytest.raises(UsageError, match=reason):
+        jobs.load(tmp_path / "job.toml", changes)
+
+
 def test_an_unknown_job_gets_the_nearest():
     with pytest.raises(UsageError, match="Did you mean '7scenes'"):
         jobs.load(jobs.Path("7scene"))
