@@ -178,14 +178,28 @@ def job(
 
 
 def job_of(work: Work, dataset: str, table: str) -> Job:
-    """The job that makes a table that is there, from what its last run has left beside it."""
+    """The job that makes a table that is there, from what its last run has left beside it.
+
+    Raises RsaDataError when table.json names other inputs than its stage reads.
+    """
+    from .captions.write import needs_segments
+
     there = work.table(dataset, table)
     description = there.description()
     last = json_object(there.store.read(f"{there.path}/local.json"))
     inputs = description.get("inputs", [])
     upstream = inputs[0] if inputs and inputs[0] != "samples" else None
     given = {**description.get("options", {}), **last}
-    return job(work, description["stage"], dataset, given, upstream=upstream)
+    stage = description["stage"]
+    reads = stage in ("embed", "embed-proposals")
+    if stage == "captions":
+        reads = needs_segments(bind(stage, given)["style"])
+    if reads != (upstream is not None):
+        raise RsaDataError(
+            f"{there}: table.json: expected the inputs of the stage {stage}, found {inputs}. "
+            "--start-over makes it anew"
+        )
+    return job(work, stage, dataset, given, upstream=upstream)
 
 
 def json_object(data: bytes | None) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import re
 import shutil
 import subprocess
@@ -168,6 +169,15 @@ def test_recompute_names_what_comes_out_otherwise(tmp_path):
         said: list[str] = []
         assert verify.recompute(work, 3, said.append) == problems
         assert words in said[-1]
+
+
+def test_inputs_that_are_not_those_of_the_stage_are_named(tmp_path):
+    work = rooms.made(tmp_path, parts=1)
+    captions(work)
+    path = tmp_path / "rooms" / "captions" / "occupancy" / "table.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "inputs": ["samples"]}))
+    with pytest.raises(RsaDataError, match="expected the inputs of the stage captions, found"):
+        verify.recompute(work, 1, str)
 
 
 @pytest.mark.parametrize(
