@@ -62,7 +62,7 @@ def _convert(value: Any, parameter: inspect.Parameter, where: str) -> Any:
             return value
         if kind in (str, int, float, bool) and type(value) is kind:
             return value
-        if kind is float and type(value) is int:
+        if kind is float and type(value) is int and abs(value) < 2**53:
             return float(value)
         if kind is Path and isinstance(value, (str, Path)):
             return Path(value)

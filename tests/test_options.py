@@ -87,3 +87,12 @@ def test_a_command_from_a_signature():
     given = ["--colour", "blue", "--share", "0.5", "--file", "x", "--dry"]
     assert run(command, given).output == f"('blue', 2, 0.5, {Path('x')!r}, True)\n"
     assert "How many times it is painted." in run(command, ["--help"]).output
+
+
+def test_a_whole_number_that_no_float_can_hold_is_refused():
+    def build(*, rate: float = 0.0) -> None:
+        """rate : how fast."""
+
+    assert options.bind(build, {"rate": 3}, "x") == {"rate": 3.0}
+    with pytest.raises(UsageError, match="x: rate: expected float, found 1000"):
+        options.bind(build, {"rate": 10**400}, "x")
