@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from rsa_data.parts import Work
+from rsa_data.store.tables import Work
 
 NAMES = ("plain", "with space", "ünï-cødé", "<b>bold</b>", "=1+1", "-rf", "a'b\"c", "x;y", "%s%n")
 WORDS = (
@@ -263,7 +263,7 @@ def write_labels(root: Path, count: int, images: list[Image.Image], chance: rand
 def call(*words: object) -> tuple[int, str, float]:
     """Runs a command line to its end; status, output, seconds."""
     begun = time.monotonic()
-    line = [sys.executable, "-m", "rsa_data.cli", *map(str, words), "--max-failures", "100%"]
+    line = [sys.executable, "-m", "rsa_data", *map(str, words), "--max-failures", "100%"]
     ended = subprocess.run(line, capture_output=True, text=True, check=False, timeout=1200)
     return ended.returncode, ended.stdout + ended.stderr, time.monotonic() - begun
 

@@ -22,14 +22,15 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rsa_data import registry, tables
+from rsa_data import registry
 from rsa_data.captions.blocks import composer
 from rsa_data.captions.columns import caption_table
 from rsa_data.captions.compose import Recipe
 from rsa_data.captions.words import word
-from rsa_data.encoders.tokenizers import Tokenizer, clip
-from rsa_data.segmenters import to_table
-from rsa_data.segmenters.rsa_release import parse
+from rsa_data.common.tokenizers import Tokenizer, clip
+from rsa_data.segments.rsa_release import parse
+from rsa_data.segments.segments import to_table
+from rsa_data.store import schemas
 
 DELETE = 0.2
 DEFAULT = Path(__file__).parents[2] / "shared" / "data" / "rsa_release" / "nyu-train.tar.xz"
@@ -109,12 +110,12 @@ def main() -> None:
     pa.set_io_thread_count(1)
 
     segments = read(given.release)
-    blank = dict.fromkeys(tables.schema("samples").names)
+    blank = dict.fromkeys(schemas.schema("samples").names)
     rows = [
         {**blank, "sample_id": s, "dataset": "nyuv2", "split": "train", "scene": "-"}
         for s in segments["sample_id"].to_pylist()
     ]
-    samples = tables.from_columns("samples", {n: [r[n] for r in rows] for n in blank})
+    samples = schemas.from_columns("samples", {n: [r[n] for r in rows] for n in blank})
     tokenizer = clip()
     recipe = Recipe(
         wording=registry.resolve("style", registry.STYLES, "occupancy"),

@@ -31,8 +31,10 @@ import pyarrow.parquet as pq
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from rsa_data import registry, tables, verify
-from rsa_data.encoders import Encoder
+from rsa_data import registry
+from rsa_data.embeddings.encoder import Encoder
+from rsa_data.runner import verify
+from rsa_data.store import schemas
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 TEXTS = [
@@ -60,10 +62,10 @@ LEVELS = {
 def _text_tower(files: object) -> object:
     import torch
 
-    from rsa_data.encoders import TextModel
-    from rsa_data.encoders.batches import PREFIX_AXES, by_prefix
-    from rsa_data.encoders.clip_text import TextTower
-    from rsa_data.encoders.tokenizers import clip
+    from rsa_data.common.tokenizers import clip
+    from rsa_data.embeddings.batches import PREFIX_AXES, by_prefix
+    from rsa_data.embeddings.clip_text import TextTower
+    from rsa_data.embeddings.encoder import TextModel
 
     torch.manual_seed(0)
     tower = TextTower().eval()
@@ -77,9 +79,9 @@ def _text_tower(files: object) -> object:
 def _image_tower(files: object) -> object:
     import torch
 
-    from rsa_data.encoders import ImageModel
-    from rsa_data.encoders.clip_image import ImageTower
-    from rsa_data.encoders.prepare import CLIP_RN50, preparer
+    from rsa_data.embeddings.clip_image import ImageTower
+    from rsa_data.embeddings.encoder import ImageModel
+    from rsa_data.embeddings.prepare import CLIP_RN50, preparer
 
     torch.manual_seed(0)
     tower = ImageTower().eval()
@@ -97,7 +99,7 @@ def texts(encoder: str, **options: str) -> pa.Table:
     """Features as the stage makes them, without its audit, which refuses MiniLM in int8."""
     from test_encoders import captions
 
-    from rsa_data.encoders import embed
+    from rsa_data.embeddings import embed
 
     with patch.object(embed.audit, "compare", lambda *_: {}):
         return embed.build(encoder=encoder, store="float32", **options)(  # type: ignore[arg-type]
@@ -106,14 +108,14 @@ def texts(encoder: str, **options: str) -> pa.Table:
 
 
 def samples(names: tuple[str, ...], depth: str | None = None) -> pa.Table:
-    blank = dict.fromkeys(tables.schema("samples").names)
+    blank = dict.fromkeys(schemas.schema("samples").names)
     about = {"dataset": "folder", "split": "test", "scene": ".", "depth": depth}
     rows = [{**blank, **about, "sample_id": f"folder/test/{n}", "image": n} for n in names]
-    return pa.Table.from_pylist(rows, tables.schema("samples"))
+    return pa.Table.from_pylist(rows, schemas.schema("samples"))
 
 
 def images() -> pa.Table:
-    from rsa_data.encoders.embed_images import build
+    from rsa_data.embeddings.embed_images import build
 
     root = SHARED / "rgbd"
     return build(root=root, encoder="random", store="float32")(samples(IMAGES))
@@ -131,7 +133,7 @@ def depth() -> pa.Table:
 
 def segments(source: str, file: str) -> pa.Table:
     from rsa_data.datasets.folder import folder
-    from rsa_data.segmenters.detect import build
+    from rsa_data.segments.detect import build
 
     model = SHARED / "models" / file
     step = build(dataset=folder(), root=SHARED / "rgbd", source=source, model=model)

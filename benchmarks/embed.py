@@ -30,12 +30,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rsa_data.encoders import Batch, Ids, TextModel
-from rsa_data.encoders.batches import PREFIX_AXES, by_length, by_prefix
-from rsa_data.encoders.clip_text import TextTower
-from rsa_data.encoders.graphs import graph
-from rsa_data.encoders.runtime import in_onnx, in_torch
-from rsa_data.encoders.tokenizers import clip
+from rsa_data.common.tokenizers import clip
+from rsa_data.embeddings.batches import PREFIX_AXES, by_length, by_prefix
+from rsa_data.embeddings.clip_text import TextTower
+from rsa_data.embeddings.encoder import Batch, Ids, TextModel
+from rsa_data.embeddings.graphs import graph
+from rsa_data.embeddings.runtime import in_onnx, in_torch
 
 DEFAULT = Path(__file__).parents[2] / "shared" / "data" / "rsa_release" / "nyu-train.tar.xz"
 BUDGET = 512

@@ -138,7 +138,7 @@ def child(name: str, here: Path, corpus: Path, seconds: int) -> None:
     atheris.instrument_imports(include=["rsa_data", "tomllib"]).__enter__()
     import fuzz_importers as importers
 
-    from rsa_data.errors import RsaDataError
+    from rsa_data.common.errors import RsaDataError
 
     importer = importers.IMPORTERS[name]
     (here / "work").mkdir()

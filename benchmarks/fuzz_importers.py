@@ -21,9 +21,11 @@ import pyarrow as pa
 import torch
 from PIL import Image
 
-from rsa_data import jobs, limits, models, status, tables, units, verify
 from rsa_data.captions import natural, served, vlm
-from rsa_data.datasets import Dataset, cameras, dgp
+from rsa_data.common import class_names, models, pretrained, tokenizers, units
+from rsa_data.common.errors import RsaDataError
+from rsa_data.datasets import cameras, dgp
+from rsa_data.datasets.dataset import Dataset
 from rsa_data.datasets.ddad import ddad, read_depth
 from rsa_data.datasets.folder import folder
 from rsa_data.datasets.kitti import kitti, read_camera
@@ -33,11 +35,13 @@ from rsa_data.datasets.sun3d import sun3d
 from rsa_data.datasets.sunrgbd import sunrgbd
 from rsa_data.datasets.void import void
 from rsa_data.depth import onnx
-from rsa_data.encoders import pretrained, sentence, tokenizers
-from rsa_data.errors import RsaDataError
-from rsa_data.heads import checkpoint, predict, refine
-from rsa_data.parts import Work
-from rsa_data.segmenters import classes, coco_detections, coco_panoptic, graph, rsa_release
+from rsa_data.embeddings import sentence
+from rsa_data.heads import checkpoint
+from rsa_data.heads.predict import known_depth, predict
+from rsa_data.runner import limits, pipeline_files, status, verify
+from rsa_data.segments import coco_detections, coco_panoptic, graph, rsa_release
+from rsa_data.store import schemas
+from rsa_data.store.tables import Work
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 One = Callable[[bytes], object]
@@ -91,9 +95,9 @@ def cut(value: Any, most: int = 3) -> Any:
 
 
 def samples(sample_id: str = "folder/train/a") -> pa.Table:
-    values = dict.fromkeys(tables.schema("samples").names)
+    values = dict.fromkeys(schemas.schema("samples").names)
     values |= {"sample_id": sample_id, "dataset": "folder", "split": "train", "scene": "."}
-    return pa.Table.from_pylist([values | {"image": "a.jpg"}], tables.schema("samples"))
+    return pa.Table.from_pylist([values | {"image": "a.jpg"}], schemas.schema("samples"))
 
 
 def accounted(table: pa.Table, here: Path) -> None:
@@ -196,7 +200,7 @@ def class_table(here: Path) -> One:
         for suffix in (".toml", ".txt"):
             (here / f"names{suffix}").write_bytes(data)
             try:
-                table = classes.read(here / f"names{suffix}")
+                table = class_names.read(here / f"names{suffix}")
             except RsaDataError:
                 continue
             assert all(isinstance(table.label(n), str) for n in table.names)
@@ -205,7 +209,7 @@ def class_table(here: Path) -> One:
 
 
 def card_seeds() -> list[bytes]:
-    cards = Path(models.__file__).with_name("model_cards").glob("*.toml")
+    cards = Path(models.__file__).parent / "model_cards".glob("*.toml")
     return [path.read_bytes() for path in sorted(cards)]
 
 
@@ -339,13 +343,13 @@ def camera_text(here: Path) -> One:
 def job(here: Path) -> One:
     def one(data: bytes) -> None:
         (here / "job.toml").write_bytes(data)
-        jobs.load(here / "job.toml")
+        pipeline_files.load(here / "job.toml")
 
     return one
 
 
 def job_seeds() -> list[bytes]:
-    shipped = sorted((Path(jobs.__file__).parents[1] / "pipelines").glob("*.toml"))
+    shipped = sorted((Path(pipeline_files.__file__).parents[1] / "pipelines").glob("*.toml"))
     mine = b'[dataset.a]\nbuilder = "folder"\nroot = "x"\n[dataset.a.detect]\nsource = "labels"\n'
     return [mine, *(path.read_bytes() for path in shipped)]
 
@@ -515,10 +519,10 @@ def made_work(here: Path) -> tuple[Work, dict[str, Any]]:
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
     import rooms
 
-    from rsa_data import run
+    from rsa_data.runner import runs
 
     work = rooms.made(here / "work", parts=1, rows=3)
-    run.run(rooms.captions_job(work), bar=rooms.NoBar)
+    runs.run(rooms.captions_job(work), bar=rooms.NoBar)
     base = here / "work"
     texts = [*base.rglob("*.json"), *base.glob("logs/*")]
     return work, {
@@ -623,13 +627,13 @@ def argument(here: Path) -> One:
     y = np.linspace(0.1, 4, 48, dtype=np.float32).reshape(6, 8)
 
     def known(text: str) -> None:
-        at, metres = refine.points(y, [text])
-        assert np.isfinite(refine.refine(0.1, 0.1, at, metres)).all()
+        at, metres = known_depth.points(y, [text])
+        assert np.isfinite(known_depth.refine(0.1, 0.1, at, metres)).all()
 
     def ends(text: str) -> None:
-        assert np.isfinite(refine.refine(0.1, 0.1, *refine.ends(y, text))).all()
+        assert np.isfinite(known_depth.refine(0.1, 0.1, *known_depth.ends(y, text))).all()
 
-    readers = [limits.parse_failures, vlm.parse_prices, known, ends, refine.camera, onnx.fixed,
+    readers = [limits.parse_failures, vlm.parse_prices, known, ends, known_depth.camera, onnx.fixed,
                lambda t: units.parse_size(t, "x"), lambda t: folder(depth="d", depth_unit=t),
                lambda t: folder(intrinsics=t).index(here, None), tokenizers.named]  # fmt: skip
     Image.fromarray(np.zeros((2, 2, 3), np.uint8)).save(here / "a.png")

@@ -25,20 +25,20 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import torch
 
-from rsa_data import tables
-from rsa_data.parts import encoded
+from rsa_data.store import schemas
+from rsa_data.store.tables import encoded
 
 
 def write_binary(features: np.ndarray) -> memoryview:
     """As the embeddings tables are written."""
-    field, column = tables.embedding_column(features)
+    field, column = schemas.embedding_column(features)
     return encoded(pa.Table.from_arrays([column], schema=pa.schema([field])))
 
 
 def read_binary(data: memoryview) -> torch.Tensor:
     """As train-head reads them: no row is touched on its own."""
     table = pq.read_table(pa.BufferReader(data), use_threads=False)
-    return torch.from_numpy(tables.embedding_array(table))
+    return torch.from_numpy(schemas.embedding_array(table))
 
 
 def write_list(features: np.ndarray, fixed: bool) -> memoryview:

@@ -23,9 +23,10 @@ import numpy as np
 import pyarrow as pa
 import rooms
 
-from rsa_data import identity, run, stages, steps, tables
-from rsa_data.encoders import embed
-from rsa_data.parts import Work
+from rsa_data.embeddings import embed
+from rsa_data.runner import fingerprints, parts, runs, stages
+from rsa_data.store import schemas
+from rsa_data.store.tables import Work
 
 
 def stub(**_: object) -> stages.Step:
@@ -35,11 +36,11 @@ def stub(**_: object) -> stages.Step:
         ids, texts = embed.distinct_texts(captions)
         codes = np.frombuffer(b"".join(ids.to_pylist()), np.uint8).reshape(len(ids), 16)
         features = np.tile(codes, (1, 16)).astype(np.float16)
-        return tables.from_columns(
+        return schemas.from_columns(
             "embeddings",
             {
                 "text_id": ids,
-                "embedding": tables.embedding_column(features),
+                "embedding": schemas.embedding_column(features),
                 "n_tokens": np.full(len(texts), 9, np.int32),
                 "truncated": [False] * len(texts),
             },
@@ -54,15 +55,15 @@ def measure(rows: int, part: int, folder: Path) -> None:
     for first in range(0, rows // part, 50):  # a few at a time: the test's own data must not count
         rooms.made(folder, min(50, rows // part - first), part, first)
     # The inputs were made in this process; what they left of the peak is the same for all counts.
-    run.run(rooms.captions_job(work), bar=rooms.NoBar)
+    runs.run(rooms.captions_job(work), bar=rooms.NoBar)
     job = stages.job(work, "embed", "rooms", {"encoder": "minilm"}, upstream="captions/occupancy")
-    description = identity.describe(job)
+    description = fingerprints.describe(job)
     output = job.table(job.output)
     output.bind(description)
     files = []
     begun = time.monotonic()
     for number in work.table("rooms", "samples").parts():
-        steps.run_part(job, stub(), description, number)
+        parts.run_part(job, stub(), description, number)
         files.append(len(list(Path("/proc/self/fd").iterdir())))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(peak, files[0], max(files), files[-1], f"{time.monotonic() - begun:.1f}")

@@ -17,10 +17,10 @@ import sys
 import time
 from pathlib import Path
 
-from rsa_data.images import read_image
-from rsa_data.models import card_of
-from rsa_data.roots import open_root, readers
-from rsa_data.segmenters import graph, onnx
+from rsa_data.common.models import card_of
+from rsa_data.datasets.images import read_image
+from rsa_data.datasets.roots import open_root, readers
+from rsa_data.segments import graph, onnx
 
 
 class Far(http.server.SimpleHTTPRequestHandler):

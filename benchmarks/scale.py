@@ -21,21 +21,21 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import rooms
 
-from rsa_data import run
-from rsa_data.parts import Work
+from rsa_data.runner import runs
+from rsa_data.store.tables import Work
 
 TABLE = "embeddings/occupancy/minilm"
 
 
 def words(work: Path, engine: str, workers: int) -> list[str]:
-    command = [sys.executable, "-m", "rsa_data.cli", "embed", "--encoder", "minilm"]
+    command = [sys.executable, "-m", "rsa_data", "embed", "--encoder", "minilm"]
     command += ["--threads", "1", "--work", str(work)]
     return [*command, "--engine", engine, "--workers", str(workers)]
 
 
 def prepared(folder: Path, parts: int, rows: int) -> Work:
     work = rooms.made(folder, parts, rows)
-    run.run(rooms.captions_job(work), bar=rooms.NoBar)
+    runs.run(rooms.captions_job(work), bar=rooms.NoBar)
     return work
 
 

@@ -18,9 +18,9 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from rsa_data import ScaleHead, to_metric
-from rsa_data.heads.refine import refine
-from rsa_data.heads.training import train_head
-from rsa_data.parts import Work
+from rsa_data.heads.predict.known_depth import refine
+from rsa_data.heads.train.train_head import train_head
+from rsa_data.store.tables import Work
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from made_tables import write

@@ -21,9 +21,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from rsa_data.heads.layers import mlp, positive
-from rsa_data.heads.training import train_head
-from rsa_data.parts import Work
+from rsa_data.heads.architectures.layers import mlp, positive
+from rsa_data.heads.train.train_head import train_head
+from rsa_data.store.tables import Work
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from made_tables import write
@@ -199,7 +199,7 @@ def main() -> None:
             part=2000,
         )
         # The same images as train-head holds out, so that the errors compare.
-        from rsa_data.heads.split import by_scene
+        from rsa_data.heads.train.validation_split import by_scene
 
         held, _ = by_scene("nyuv2", np.array(scenes, object), 0.1, False)
         for number in range(given.rounds):

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsa_data.parts import Work
+from rsa_data.store.tables import Work
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from made_tables import write

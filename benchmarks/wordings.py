@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsa_data.encoders.tokenizers import clip
+from rsa_data.common.tokenizers import clip
 
 KINDS = {"structured": slice(10, 15), "natural": slice(0, 10), "mixed": slice(0, 15)}
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import click
 
-from rsa_data import tables
-from rsa_data.cli import COMMANDS, Group, cli
+from rsa_data.cli.main import COMMANDS, Group, cli
+from rsa_data.store import schemas
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -52,7 +52,7 @@ def formats() -> str:
     )
     parts = [_FORMATS]
     for name in names:
-        schema = tables.definition(name)
+        schema = schemas.definition(name)
         parts.append(f"## {name}\n\n{schema['doc']}\n\nVersion {schema['version']}; ")
         parts[-1] += f"key `{schema['key']}`.\n"
         rows = ["| column | type | unit | null | meaning |", "|---|---|---|---|---|"]

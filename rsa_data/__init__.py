@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .errors import RsaDataError as RsaDataError
+    from .common.errors import RsaDataError as RsaDataError
     from .evaluation.metrics import depth_errors as depth_errors
     from .heads.checkpoint import ScaleHead as ScaleHead
     from .heads.metric import to_metric as to_metric
@@ -17,7 +17,7 @@ _PUBLIC = {
     "ScaleHead": "rsa_data.heads.checkpoint",
     "to_metric": "rsa_data.heads.metric",
     "depth_errors": "rsa_data.evaluation.metrics",
-    "RsaDataError": "rsa_data.errors",
+    "RsaDataError": "rsa_data.common.errors",
 }
 __all__ = ["ScaleHead", "to_metric", "depth_errors", "RsaDataError"]
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
-from .errors import RsaDataError, UsageError
+from .common.errors import RsaDataError, UsageError
 
 DATASETS = {
     "nyuv2": "rsa_data.datasets.nyuv2:nyuv2",
@@ -21,42 +21,42 @@ DATASETS = {
     "sun3d": "rsa_data.datasets.sun3d:sun3d",
     "ddad": "rsa_data.datasets.ddad:ddad",
     "nyuv2-labeled": "rsa_data.datasets.nyuv2_labeled:nyuv2_labeled",
-    "synthetic-indoor": "rsa_data.datasets.synthetic:synthetic_indoor",
-    "synthetic-street": "rsa_data.datasets.synthetic:synthetic_street",
+    "synthetic-indoor": "rsa_data.datasets.synthetic.dataset:synthetic_indoor",
+    "synthetic-street": "rsa_data.datasets.synthetic.dataset:synthetic_street",
 }
 
 SEGMENTERS = {
-    "detr-resnet-50-panoptic": "rsa_data.segmenters.onnx:build",
-    "deeplab-edgetpu-cityscapes": "rsa_data.segmenters.onnx:build",
-    "deeplab-v3-voc": "rsa_data.segmenters.onnx:build",
-    "detr-resnet-50": "rsa_data.segmenters.onnx:build",
-    "dfine-small": "rsa_data.segmenters.onnx:build",
-    "fastestdet": "rsa_data.segmenters.onnx:build",
-    "maskdino": "rsa_data.segmenters.onnx:build",
-    "maskformer": "rsa_data.segmenters.onnx:build",
-    "nanodet-m": "rsa_data.segmenters.onnx:build",
-    "road-segmentation-adas-0001": "rsa_data.segmenters.onnx:build",
-    "rtdetr-r18vd": "rsa_data.segmenters.onnx:build",
-    "rtdetr-r50vd": "rsa_data.segmenters.onnx:build",
-    "yolox-nano": "rsa_data.segmenters.onnx:build",
-    "yolox-s": "rsa_data.segmenters.onnx:build",
-    "yolox-tiny": "rsa_data.segmenters.onnx:build",
-    "rsa-release": "rsa_data.segmenters.rsa_release:build",
-    "coco-panoptic": "rsa_data.segmenters.coco_panoptic:build",
-    "coco-detections": "rsa_data.segmenters.coco_detections:build",
-    "cityscapes": "rsa_data.segmenters.cityscapes:build",
-    "labels": "rsa_data.segmenters.label_maps:build",
+    "detr-resnet-50-panoptic": "rsa_data.segments.onnx:build",
+    "deeplab-edgetpu-cityscapes": "rsa_data.segments.onnx:build",
+    "deeplab-v3-voc": "rsa_data.segments.onnx:build",
+    "detr-resnet-50": "rsa_data.segments.onnx:build",
+    "dfine-small": "rsa_data.segments.onnx:build",
+    "fastestdet": "rsa_data.segments.onnx:build",
+    "maskdino": "rsa_data.segments.onnx:build",
+    "maskformer": "rsa_data.segments.onnx:build",
+    "nanodet-m": "rsa_data.segments.onnx:build",
+    "road-segmentation-adas-0001": "rsa_data.segments.onnx:build",
+    "rtdetr-r18vd": "rsa_data.segments.onnx:build",
+    "rtdetr-r50vd": "rsa_data.segments.onnx:build",
+    "yolox-nano": "rsa_data.segments.onnx:build",
+    "yolox-s": "rsa_data.segments.onnx:build",
+    "yolox-tiny": "rsa_data.segments.onnx:build",
+    "rsa-release": "rsa_data.segments.rsa_release:build",
+    "coco-panoptic": "rsa_data.segments.coco_panoptic:build",
+    "coco-detections": "rsa_data.segments.coco_detections:build",
+    "cityscapes": "rsa_data.segments.cityscapes:build",
+    "labels": "rsa_data.segments.label_maps:build",
 }
 
 DECODERS = {
-    "yolox": "rsa_data.segmenters.boxes:yolox",
-    "fastestdet": "rsa_data.segmenters.boxes:fastestdet",
-    "nanodet": "rsa_data.segmenters.boxes:nanodet",
-    "detr": "rsa_data.segmenters.queries:detr",
-    "panoptic-queries": "rsa_data.segmenters.queries:panoptic",
-    "nms-rows": "rsa_data.segmenters.suppressed:rows",
-    "instances": "rsa_data.segmenters.suppressed:instances",
-    "semantic": "rsa_data.segmenters.semantic:semantic",
+    "yolox": "rsa_data.segments.boxes:yolox",
+    "fastestdet": "rsa_data.segments.boxes:fastestdet",
+    "nanodet": "rsa_data.segments.boxes:nanodet",
+    "detr": "rsa_data.segments.queries:detr",
+    "panoptic-queries": "rsa_data.segments.queries:panoptic",
+    "nms-rows": "rsa_data.segments.suppressed:rows",
+    "instances": "rsa_data.segments.suppressed:instances",
+    "semantic": "rsa_data.segments.semantic:semantic",
 }
 
 STYLES = {
@@ -74,21 +74,21 @@ STYLES = {
 }
 
 TOKENIZERS = {
-    "clip": "rsa_data.encoders.tokenizers:clip",
-    "minilm": "rsa_data.encoders.tokenizers:minilm",
-    "hf": "rsa_data.encoders.tokenizers:hf",
+    "clip": "rsa_data.common.tokenizers:clip",
+    "minilm": "rsa_data.common.tokenizers:minilm",
+    "hf": "rsa_data.common.tokenizers:hf",
 }
 
 ENCODERS = {
-    "minilm": "rsa_data.encoders.sentence:MINILM",
-    "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50",
-    "hf": "rsa_data.encoders.huggingface:HF",
+    "minilm": "rsa_data.embeddings.sentence:MINILM",
+    "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50",
+    "hf": "rsa_data.embeddings.huggingface:HF",
 }
 
 IMAGE_ENCODERS = {
-    "clip-rn50": "rsa_data.encoders.clip:CLIP_RN50_IMAGE",
-    "hf": "rsa_data.encoders.huggingface_image:HF_IMAGE",
-    "thumbnail": "rsa_data.encoders.thumbnail:THUMBNAIL",
+    "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50_IMAGE",
+    "hf": "rsa_data.embeddings.huggingface_image:HF_IMAGE",
+    "thumbnail": "rsa_data.embeddings.thumbnail:THUMBNAIL",
 }
 
 DEPTH_MODELS = {
@@ -101,12 +101,12 @@ DEPTH_MODELS = {
 }
 
 HEADS = {
-    "mlp5": "rsa_data.heads.mlp5:Mlp5",
-    "mlp3": "rsa_data.heads.mlp3:Mlp3",
-    "transformer": "rsa_data.heads.transformer:Transformer",
-    "linear": "rsa_data.heads.linear:Linear",
-    "fusion": "rsa_data.heads.fusion:Fusion",
-    "proposals": "rsa_data.heads.proposals:Proposals",
+    "mlp5": "rsa_data.heads.architectures.mlp5:Mlp5",
+    "mlp3": "rsa_data.heads.architectures.mlp3:Mlp3",
+    "transformer": "rsa_data.heads.architectures.transformer:Transformer",
+    "linear": "rsa_data.heads.architectures.linear:Linear",
+    "fusion": "rsa_data.heads.architectures.fusion:Fusion",
+    "proposals": "rsa_data.heads.architectures.proposals:Proposals",
 }
 
 # Which pip extra brings the package that an import error names.
@@ -160,7 +160,7 @@ def described(table: dict[str, str]) -> list[tuple[str, str]]:
 
 
 def _first_line(name: str, table: dict[str, str]) -> str:
-    from .models import about
+    from .common.models import about
 
     if told := about(name):
         return told

@@ -4,7 +4,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from rsa_data import tables
+from rsa_data.store import schemas
 
 
 def segments(
@@ -29,8 +29,8 @@ def segments(
                 **row,
             }
         )
-    names = tables.schema("segments").names
-    return tables.from_columns("segments", {n: [r.get(n) for r in rows] for n in names})
+    names = schemas.schema("segments").names
+    return schemas.from_columns("segments", {n: [r.get(n) for r in rows] for n in names})
 
 
 def samples(of: pa.Table, **row: Any) -> pa.Table:
@@ -39,8 +39,8 @@ def samples(of: pa.Table, **row: Any) -> pa.Table:
         {"sample_id": s, "dataset": "nyuv2", "split": "train", "scene": "room", **row}
         for s in of["sample_id"].to_pylist()
     ]
-    names = tables.schema("samples").names
-    return tables.from_columns("samples", {n: [r.get(n) for r in rows] for n in names})
+    names = schemas.schema("samples").names
+    return schemas.from_columns("samples", {n: [r.get(n) for r in rows] for n in names})
 
 
 def objects(*found: tuple[str, float] | tuple[str, float, tuple[float, float]]) -> list[dict]:

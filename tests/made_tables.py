@@ -4,8 +4,8 @@ import hashlib
 
 import numpy as np
 
-from rsa_data import tables
-from rsa_data.parts import Work
+from rsa_data.store import schemas as tables
+from rsa_data.store.tables import Work
 
 ENCODER = {"encoder": "minilm", "store": "float16", "normalize": False, "threads": 2}
 DEPTH = {"depth_model": "files", "files_hold": "relative", "geometry": None, "crop": "none"}

@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import torch
 from made_tables import ENCODER, write
 
-from rsa_data import tables
 from rsa_data.heads.checkpoint import ScaleHead, build_network
-from rsa_data.parts import Work, to_json
+from rsa_data.store import schemas
+from rsa_data.store.tables import Work, to_json
 
 EVIL = "<script>alert('x')</script>\"'&"
 SIZE = (24, 32)
@@ -60,8 +60,8 @@ def _segments(work: Work, dataset: str) -> None:
             "box": [[[0, 0, 16, 24], [4, 4, 9, 9]], [[1, 1, 20, 20]], [], None],
             "is_thing": [[True, True], [True], [], []],
         }
-        names = tables.schema("segments").names
-        content = tables.from_columns("segments", {n: values.get(n, [None] * 4) for n in names})
+        names = schemas.schema("segments").names
+        content = schemas.from_columns("segments", {n: values.get(n, [None] * 4) for n in names})
         counts = {"ok": 3, "failed": 1, "skipped": 0, "split": ("train", "test")[number]}
         table.commit(number, content, {**counts, "inputs": {}, "fingerprint": "made"})
 
@@ -75,9 +75,9 @@ def _image_features(work: Work, dataset: str, random: np.random.Generator) -> No
         "sample_id": ids,
         "status": ["ok"] * 4,
         "error": [None] * 4,
-        "embedding": tables.embedding_column(random.normal(size=(4, 5)).astype(np.float32)),
+        "embedding": schemas.embedding_column(random.normal(size=(4, 5)).astype(np.float32)),
     }
-    content = tables.from_columns("image_embeddings", values)
+    content = schemas.from_columns("image_embeddings", values)
     counts = {"ok": 4, "failed": 0, "skipped": 0, "split": "train"}
     table.commit(0, content, {**counts, "inputs": {}, "fingerprint": "made"})
 
@@ -108,10 +108,10 @@ def _head(work: Work) -> None:
         for e in (1, 2, 3)
         for d in ("rooms", "roads")
     ]
-    names = tables.schema("history").names
+    names = schemas.schema("history").names
     file = io.BytesIO()
     pq.write_table(
-        tables.from_columns("history", {n: [row[n] for row in rows] for n in names}), file
+        schemas.from_columns("history", {n: [row[n] for row in rows] for n in names}), file
     )
     work.store.write("heads/small/history.parquet", file.getvalue())
     work.store.write("heads/small/table.json", to_json({}))

@@ -1,8 +1,9 @@
 """A work dir with samples and segments made in memory, for tests of how stages run."""
 
-from rsa_data import stages, tables
-from rsa_data.parts import Work
-from rsa_data.stages import Job
+from rsa_data.runner import stages
+from rsa_data.runner.stages import Job
+from rsa_data.store import schemas
+from rsa_data.store.tables import Work
 
 LABELS = ("bed", "chair", "lamp", "picture", "wall", "window")
 
@@ -45,8 +46,8 @@ def segment_rows(ids: list[str]):
 
 
 def _table(schema: str, values: dict[str, list], rows: int):
-    names = tables.schema(schema).names
-    return tables.from_columns(schema, {n: values.get(n, [None] * rows) for n in names})
+    names = schemas.schema(schema).names
+    return schemas.from_columns(schema, {n: values.get(n, [None] * rows) for n in names})
 
 
 def captions_job(work: Work, **options: object) -> Job:

@@ -15,23 +15,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from rsa_data import images, jobs, models, status
+from rsa_data.common import class_names, models
+from rsa_data.common.errors import RowError, RsaDataError
+from rsa_data.common.tokenizers import named as tokenizer_named
+from rsa_data.common.units import parse_size
+from rsa_data.datasets import images
 from rsa_data.datasets.depth_files import npy, png16
 from rsa_data.datasets.folder import folder
 from rsa_data.datasets.listing import inside
 from rsa_data.depth import files as depth_files
-from rsa_data.encoders.tokenizers import named as tokenizer_named
-from rsa_data.errors import RowError, RsaDataError
-from rsa_data.segmenters import (
-    classes,
-    coco_detections,
-    coco_panoptic,
-    graph,
-    maps,
-    masks,
-    rsa_release,
-)
-from rsa_data.units import parse_size
+from rsa_data.runner import pipeline_files, status
+from rsa_data.segments import coco_detections, coco_panoptic, graph, maps, masks, rsa_release
 
 FEW = settings(
     max_examples=int(os.environ.get("RSA_DATA_FUZZ", "150")),
@@ -229,7 +223,7 @@ def test_image(tmp_path, data):
 def test_job_file(tmp_path, data):
     (tmp_path / "job.toml").write_bytes(data)
     with contextlib.suppress(RsaDataError):
-        jobs.load(tmp_path / "job.toml")
+        pipeline_files.load(tmp_path / "job.toml")
 
 
 @FEW
@@ -239,7 +233,7 @@ def test_class_table(tmp_path, data, suffix):
     path = Path(tmp_path / f"names{suffix}")
     path.write_bytes(data)
     with contextlib.suppress(RsaDataError):
-        classes.read(path)
+        class_names.read(path)
 
 
 # --- the smallest inputs that benchmarks/fuzz.py found, one each
@@ -289,7 +283,7 @@ def test_coco_panoptic_with_a_width_alone(tmp_path):
 )
 def test_coco_masks_that_do_not_fit(segmentation):
     pytest.importorskip("pycocotools")
-    table = classes.table("coco-panoptic")
+    table = class_names.table("coco-panoptic")
     result = {"image_id": 1, "category_id": 1, "segmentation": segmentation}
     with pytest.raises(RowError, match=r"polygon: |run lengths: |RLE"):
         coco_detections.segments([result], 4, 3, table)

@@ -6,8 +6,8 @@ import pyarrow.compute as pc
 import pytest
 from click.testing import CliRunner
 
-from rsa_data.cli import cli
-from rsa_data.parts import Work
+from rsa_data.cli.main import cli
+from rsa_data.store.tables import Work
 
 
 def call(*words: object) -> str:

@@ -16,8 +16,9 @@ import pytest
 import rooms
 from PIL import Image
 
-from rsa_data import registry, tables
-from rsa_data.cli import cli
+from rsa_data import registry
+from rsa_data.cli.main import cli
+from rsa_data.store import schemas
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "data" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -139,7 +140,7 @@ def test_example_style(monkeypatch):
 
 
 def test_example_encoder(monkeypatch):
-    from rsa_data.encoders import embed
+    from rsa_data.embeddings import embed
 
     monkeypatch.setitem(registry.ENCODERS, "letters", example("encoder", monkeypatch))
     features = embed.encode(["a bed", "cab"], encoder="letters")
@@ -149,7 +150,7 @@ def test_example_encoder(monkeypatch):
 
 
 def test_example_decoder(monkeypatch):
-    from rsa_data.segmenters.preprocess import Geometry
+    from rsa_data.segments.preprocess import Geometry
 
     build = registry.resolve("decoder", {"corners": example("decoder", monkeypatch)}, "corners")
     decoder = build({"score_threshold": 0.5}, None)
@@ -204,7 +205,7 @@ def generator():
 
 def test_formats_say_what_schemas_say():
     assert (ROOT / "docs" / "formats.md").read_text("utf-8") == generator().formats()
-    assert all(f"| {c} |" in generator().formats() for c in tables.schema("samples").names)
+    assert all(f"| {c} |" in generator().formats() for c in schemas.schema("samples").names)
 
 
 def test_pages_of_the_code_have_every_command_and_benchmark():

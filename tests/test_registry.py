@@ -4,8 +4,10 @@ from importlib import import_module
 
 import pytest
 
-from rsa_data import cli, registry, stages
-from rsa_data.errors import UsageError
+from rsa_data import registry
+from rsa_data.cli import main
+from rsa_data.common.errors import UsageError
+from rsa_data.runner import stages
 
 TABLES = {
     "dataset": registry.DATASETS,
@@ -15,7 +17,7 @@ TABLES = {
     "encoder": registry.ENCODERS,
     "depth model": registry.DEPTH_MODELS,
     "head": registry.HEADS,
-    "command": cli.COMMANDS,
+    "command": main.COMMANDS,
 }
 ENTRIES = [(kind, table, name) for kind, table in TABLES.items() for name in table]
 
@@ -30,7 +32,7 @@ def test_every_entry_resolves(kind, table, name):
 
 @pytest.mark.parametrize("name", stages.STAGES)
 def test_every_stage_builds_from_documented_options(name):
-    from rsa_data import options
+    from rsa_data.common import options
 
     build = stages.STAGES[name].build
     for option in options.parameters(build):
@@ -49,7 +51,7 @@ def test_a_missing_extra_prints_its_pip_line():
         raise ModuleNotFoundError(name="ray")
 
 
-@pytest.mark.parametrize("module", ["rsa_data", "rsa_data.cli", "rsa_data.stages"])
+@pytest.mark.parametrize("module", ["rsa_data", "rsa_data.cli.main", "rsa_data.runner.stages"])
 def test_import_is_light(module):
     import subprocess
     import sys

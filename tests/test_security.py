@@ -7,12 +7,12 @@ import pickle
 import numpy as np
 import pytest
 
-from rsa_data import models
+from rsa_data.common import models
+from rsa_data.common.errors import RowError, RsaDataError
 from rsa_data.datasets.depth_files import npy
+from rsa_data.datasets.images import read_bytes
 from rsa_data.datasets.listing import inside
 from rsa_data.depth import files
-from rsa_data.errors import RowError, RsaDataError
-from rsa_data.images import read_bytes
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_no_array_is_unpickled(tmp_path):
 
 @pytest.mark.filterwarnings("ignore:Detected pickle protocol")
 def test_no_checkpoint_runs_code(tmp_path):
-    from rsa_data.encoders import checkpoints
+    from rsa_data.embeddings import checkpoints
     from rsa_data.heads import released
 
     torch = pytest.importorskip("torch")

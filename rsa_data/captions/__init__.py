@@ -1,1 +1,4 @@
-"""Captions: what the segments of an image say, in words, within a text encoder's reach."""
+"""The stage captions: segments become texts within a text encoder's reach.
+
+Imports runner and below, no other stage. Start at `write.py`; wordings are in `styles.py`.
+"""

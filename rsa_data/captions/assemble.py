@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 from .choose import Chosen
 
 # A string column addresses its bytes with int32.

@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..errors import RsaDataError
-from ..progress import advance
+from ..common.errors import RsaDataError
+from ..common.progress import advance
 from .assemble import MAX_BYTES
 from .choose import CAPTIONS_A_BLOCK
 from .columns import Columns

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
-from .. import tables
+from ..store import schemas
 
 # By name; a text is an Arrow array, numbers are NumPy arrays.
 Columns = dict[str, pa.Array | np.ndarray]
@@ -17,7 +17,7 @@ def caption_table(columns: Columns, metadata: Mapping[str, str]) -> pa.Table:
 
     metadata : how the texts were made, kept with the field text.
     """
-    schema = tables.schema("captions")
+    schema = schemas.schema("captions")
     made = {"text_id": text_ids(columns["text"])}
     for name, column in columns.items():
         if isinstance(column, np.ndarray):
@@ -25,7 +25,7 @@ def caption_table(columns: Columns, metadata: Mapping[str, str]) -> pa.Table:
         else:
             made[name] = column
     text = schema.field("text").with_metadata(dict(metadata)), made.pop("text")
-    return tables.from_columns("captions", {**made, "text": text})
+    return schemas.from_columns("captions", {**made, "text": text})
 
 
 def text_ids(text: pa.Array) -> pa.Array:

@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 import pyarrow as pa
 
-from ..encoders.tokenizers import Tokenizer
+from ..common.tokenizers import Tokenizer
 from . import augment, chance
 from .assemble import Column, texts
 from .choose import Chosen, choose

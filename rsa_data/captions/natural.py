@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..encoders.tokenizers import Tokenizer
-from ..errors import RsaDataError
-from ..progress import advance
+from ..common.errors import RsaDataError
+from ..common.progress import advance
+from ..common.tokenizers import Tokenizer
 from .columns import caption_table
 from .styles import NOTHING
 

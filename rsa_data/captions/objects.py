@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 
 Which = Literal["all", "things", "background"]
 

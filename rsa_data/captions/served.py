@@ -14,7 +14,7 @@ from email.message import Message
 from pathlib import Path
 from typing import Any
 
-from ..errors import RowError, RsaDataError, TransientError, UsageError
+from ..common.errors import RowError, RsaDataError, TransientError, UsageError
 
 # px of the longer side that a model is shown; most resize to less.
 _SIDE = 1024
@@ -68,7 +68,7 @@ class Server:
         Raises RowError when this image cannot be asked about, or the model has no answer to it;
         TransientError when the server does not answer in time; RsaDataError when it will not.
         """
-        from ..images import read_bytes, read_image
+        from ..datasets.images import read_bytes, read_image
 
         identity = [_MOST_TOKENS, _SIDE, model, self.prompt]
         key = hashlib.sha256(json.dumps(identity).encode() + read_bytes(path)).hexdigest()

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pyarrow as pa
 
-from ..errors import UsageError
+from ..common.errors import UsageError
 from .assemble import Column
 from .objects import Objects
 from .words import Word, number_word

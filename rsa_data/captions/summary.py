@@ -6,7 +6,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..encoders.tokenizers import Tokenizer
+from ..common.tokenizers import Tokenizer
 from .styles import NOTHING
 
 COLUMNS = ("variant", "n_objects", "n_kept", "n_tokens", "area", "area_kept")

@@ -10,9 +10,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from ..encoders.tokenizers import Tokenizer
-from ..errors import RowError, UsageError
-from ..progress import advance
+from ..common.errors import RowError, UsageError
+from ..common.progress import advance
+from ..common.tokenizers import Tokenizer
 from . import natural
 from .served import Server
 

@@ -8,8 +8,8 @@ from typing import Any
 import pyarrow as pa
 
 from .. import registry
-from ..encoders import tokenizers
-from ..errors import UsageError
+from ..common import tokenizers
+from ..common.errors import UsageError
 from . import natural, summary, vlm
 from .augment import Domain
 from .blocks import composer

@@ -1,49 +1,5 @@
-"""Datasets: where images and depths lie, what the numbers mean, which pixels count."""
+"""Which images there are and how to read them: definitions, index, images, depth, roots.
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-
-import numpy as np
-import pyarrow as pa
-
-
-@dataclass(frozen=True)
-class Dataset:
-    """All that the pipeline knows of one dataset.
-
-    name : the name in the registry, in sample_id and in the work dir.
-    index : (root, split or None for all) -> samples, a table of schemas/samples.toml sorted by
-        split and sample_id. Reads file names and split files, never pixels. Raises RsaDataError
-        when root lacks what data/README.md asks for, naming what was expected and found.
-    read_depth : path of a ground-truth file -> float32 array of shape (height, width), m,
-        0 where there is none. Raises RowError when it cannot be read.
-    train_mask : (height, width) -> bool array of that shape, True where training pixels may be
-        drawn (borders without ground truth and crops are False).
-    key_paths : (split, key) -> (image, depth) paths relative to root, by the dataset's layout,
-        either None where the layout does not tell; used when an index comes from text alone.
-    scene : key -> scene, what must not be divided between training and validation.
-    relative : image -> path of the relative depth that the dataset brings for it (.npy or 16-bit
-        PNG, read by the depth model `files`), both relative to root; None when it brings none.
-    panoptic : path, relative to root, of the COCO panoptic JSON that the dataset brings: what the
-        segmenter `coco-panoptic` reads when it is given no file. None when it brings none.
-    prepare : root -> writes the dataset's files where they are missing, for datasets that are made
-        and not downloaded; killed half-way it goes on from there. None for all others.
-    test_splits : splits whose depth is stored whole and which no training may read.
-    min_depth, max_depth : m, the range in which ground truth counts as valid.
-    """
-
-    name: str
-    index: Callable[[Path, str | None], pa.Table]
-    read_depth: Callable[[Path], np.ndarray]
-    min_depth: float
-    max_depth: float
-    train_mask: Callable[[int, int], np.ndarray] = lambda height, width: np.ones(
-        (height, width), bool
-    )
-    key_paths: Callable[[str, str], tuple[str | None, str | None]] = lambda split, key: (None, None)
-    scene: Callable[[str], str] = lambda key: key
-    relative: Callable[[str], str] | None = None
-    panoptic: str | None = None
-    prepare: Callable[[Path], None] | None = None
-    test_splits: tuple[str, ...] = ("test",)
+Imports store, registry and common. Start at `dataset.py` (what the pipeline knows of a dataset),
+then `index.py` (how its samples table is written).
+"""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 from .listing import guide, inside, lines
 
 # Where such files are looked for below the root: their folder's name in BTS and in RSA, and root.

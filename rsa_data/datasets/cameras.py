@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 from .listing import lines
 
 # fx, fy, cx, cy in px, each None where unknown.

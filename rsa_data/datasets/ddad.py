@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from ..errors import RowError, RsaDataError
-from . import Dataset
+from ..common.errors import RowError, RsaDataError
+from .dataset import Dataset
 from .dgp import project, read_points, read_scene
 from .listing import Sample, guide, inside, require_folder, stem, to_table
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import RowError
-from ..images import MAX_PIXELS, read_bytes, reason
+from ..common.errors import RowError
+from .images import MAX_PIXELS, read_bytes, reason
 
 # Units in a metre.
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RowError, RsaDataError
-from ..images import read_bytes, reason
+from ..common.errors import RowError, RsaDataError
+from .images import read_bytes, reason
 from .listing import inside
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from ..errors import RowError, RsaDataError, UsageError
-from . import Dataset
+from ..common.errors import RowError, RsaDataError, UsageError
 from .cameras import UNKNOWN, Camera, read_matrix
+from .dataset import Dataset
 from .depth_files import UNITS, npy, png16, units_per_metre
 from .held_out import held_out_last, held_out_listed
 from .listing import (

@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 from .listing import Sample, paths
 
 

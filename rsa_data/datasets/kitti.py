@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from ..errors import RsaDataError
-from . import Dataset, bts
+from ..common.errors import RsaDataError
+from . import bts
+from .dataset import Dataset
 from .depth_files import png16
 from .listing import Sample, entries, guide, require_folder, stem, to_table
 

@@ -8,10 +8,10 @@ from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
 
-from .. import tables
-from ..errors import RsaDataError
-from ..images import SUFFIXES
-from ..shape import is_path
+from ..common.errors import RsaDataError
+from ..common.forms import is_path
+from ..store import schemas
+from .images import SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def to_table(name: str, root: Path, samples: Iterable[Sample], split: str | None
             )
     cameras = [list(column) for column in zip(*(s.camera for s in rows), strict=True)]
     try:
-        return tables.from_columns(
+        return schemas.from_columns(
             "samples",
             {
                 "sample_id": [f"{name}/{s.split}/{s.key}" for s in rows],

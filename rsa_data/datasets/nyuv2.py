@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from . import Dataset, bts
+from . import bts
+from .dataset import Dataset
 from .depth_files import png16
 from .listing import Sample, files_below, require_folder, stem, to_table
 

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 
 from .. import registry
-from ..errors import RsaDataError
-from . import Dataset
+from ..common.errors import RsaDataError
+from .dataset import Dataset
 from .depth_files import png16
 from .listing import Sample, files_below, guide, require_folder, stem, to_table
 from .nyuv2 import CAMERA, border, room

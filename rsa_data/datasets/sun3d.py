@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from ..errors import RsaDataError, UsageError
-from . import Dataset
+from ..common.errors import RsaDataError, UsageError
 from .cameras import UNKNOWN, read_matrix
+from .dataset import Dataset
 from .depth_files import png16
 from .listing import (
     Sample,

@@ -7,9 +7,9 @@ from typing import Literal
 
 import pyarrow as pa
 
-from ..errors import RsaDataError
-from . import Dataset
+from ..common.errors import RsaDataError
 from .cameras import UNKNOWN, read_matrix
+from .dataset import Dataset
 from .depth_files import png16
 from .listing import Sample, entries, folders_with, guide, inside, lines, require_folder, to_table
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from ..errors import RsaDataError
-from . import Dataset
+from ..common.errors import RsaDataError
 from .cameras import UNKNOWN, Camera, read_matrix
+from .dataset import Dataset
 from .depth_files import png16
 from .listing import Sample, guide, inside, lines, require_folder, stem, to_table
 

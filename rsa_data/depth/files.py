@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..datasets import Dataset
-from ..errors import RowError, UsageError
-from ..images import MAX_PIXELS, read_bytes
-from . import Relative, Source
+from ..common.errors import RowError, UsageError
+from ..datasets.dataset import Dataset
+from ..datasets.images import MAX_PIXELS, read_bytes
+from .model import Relative, Source
 
 
 def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) -> Source:

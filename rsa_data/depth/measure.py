@@ -7,13 +7,14 @@ from typing import Any, Literal
 import numpy as np
 import pyarrow as pa
 
-from .. import registry, tables
-from ..ahead import each
-from ..datasets import Dataset
-from ..errors import RowError, UsageError
-from ..roots import readers
-from . import Relative, Source
+from .. import registry
+from ..common.errors import RowError, UsageError
+from ..common.prefetch import each
+from ..datasets.dataset import Dataset
+from ..datasets.roots import readers
+from ..store import schemas
 from .fits import inverse_fit, median_scale
+from .model import Relative, Source
 from .pixels import draw
 
 _FLOAT16_MAX = float(np.finfo(np.float16).max)
@@ -70,8 +71,8 @@ def build(
 
         columns = ("sample_id", "split", "image", "depth")
         rows: list[Any] = list(each(measured, samples.select(columns).to_pylist(), readers(root)))
-        names = tables.schema("depth").names
-        return tables.from_columns("depth", {n: [row.get(n) for row in rows] for n in names})
+        names = schemas.schema("depth").names
+        return schemas.from_columns("depth", {n: [row.get(n) for row in rows] for n in names})
 
     return step
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import images
-from ..errors import RowError, RsaDataError, UsageError
-from ..models import Card, card_of, local_file, open_session
-from . import Relative, Source
+from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.models import Card, card_of, local_file, open_session
+from ..datasets import images
 from .files import inverse
+from .model import Relative, Source
 
 # Size of the crop of KITTI images, height and width in px (BTS, `do_kb_crop`).
 KB_CROP = (352, 1216)

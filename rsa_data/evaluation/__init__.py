@@ -1,1 +1,4 @@
-"""Metrics, protocols, oracles, and the evaluation that puts a head beside its baselines."""
+"""Metrics, protocols, oracles, comparisons, and how the results are written.
+
+Imports heads and below. Start at `evaluate.py`; a metric is defined in `metrics.py`.
+"""

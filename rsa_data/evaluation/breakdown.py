@@ -7,7 +7,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..parts import Work
+from ..store.tables import Work
 from .metrics import METRICS
 
 

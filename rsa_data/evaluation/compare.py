@@ -8,8 +8,9 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .. import registry, tables
-from ..parts import Work
+from .. import registry
+from ..store import schemas
+from ..store.tables import Work
 from . import breakdown, formats, plots
 from .constants import fit_constants
 from .contenders import Entry, has_training, inputs_of, methods_of, plans, train
@@ -122,7 +123,7 @@ def compare(
     }
     if bars:
         files["calibration.svg"] = plots.calibration(bars, "Spread over captions as an error bar")
-    tables.check("metrics", table)
+    schemas.check("metrics", table)
     buffer = io.BytesIO()
     pq.write_table(table, buffer)
     work.store.write(f"{folder}/metrics.parquet", buffer.getvalue())

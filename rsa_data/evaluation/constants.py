@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ..errors import RsaDataError
-from ..parts import Work
+from ..common.errors import RsaDataError
+from ..store.tables import Work
 
 
 def fit_constant(

@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .. import index
-from ..errors import RsaDataError, UsageError
-from ..parts import Work
+from ..common.errors import RsaDataError, UsageError
+from ..datasets import index
 from ..registry import unknown
+from ..store.tables import Work
 from .inputs import TestPart
 from .methods import Method, by_head, head_method
 from .scenes import one_description
@@ -16,7 +16,7 @@ from .setting import tables_of
 
 if TYPE_CHECKING:
     from ..heads.checkpoint import ScaleHead
-    from ..heads.examples import Source
+    from ..heads.train.examples import Source
 
 
 # What stands in the place of a caption style where embeddings are of images, or of the objects
@@ -132,7 +132,7 @@ def train(
 ) -> Entry:
     """The head of one plan, trained now or before, under the name NAME-LABEL-SEED."""
     from ..heads.checkpoint import ScaleHead
-    from ..heads.training import train_head
+    from ..heads.train.train_head import train_head
 
     own = f"{name}-{re.sub(r'[^a-z0-9]+', '-', label.lower())}-{seed}"
     trained = train_head(work, bar, datasets=chosen, name=own, seed=seed, **options)

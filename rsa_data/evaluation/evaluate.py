@@ -9,8 +9,8 @@ import pandas as pd
 import pyarrow as pa
 
 from .. import registry
-from ..errors import UsageError
-from ..parts import Work
+from ..common.errors import UsageError
+from ..store.tables import Work
 from . import output
 from .breakdown import by_description
 from .constants import fit_constants

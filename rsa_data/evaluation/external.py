@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..common.errors import RowError, UsageError
 from ..depth.files import read_map
-from ..errors import RowError, UsageError
 from .inputs import Image, TestPart
 from .methods import Method, Prediction
 

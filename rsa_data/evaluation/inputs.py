@@ -9,9 +9,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from .. import tables
-from ..errors import RowError, RsaDataError
-from ..parts import Work
+from ..common.errors import RowError, RsaDataError
+from ..store import schemas
+from ..store.tables import Work
 from .protocols import Rules
 
 
@@ -58,7 +58,7 @@ class TestPart:
         variant : of the captions. Rows without a feature are 0.
         """
         table = self.work.table(self.dataset, embeddings).read(self.number)
-        stored = tables.embedding_array(table)
+        stored = schemas.embedding_array(table)
         ids = pa.array([s["sample_id"] for s in self.samples])
         if captions is None:
             rows = rows_of(ids, table["sample_id"])

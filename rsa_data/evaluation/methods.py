@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import RowError
+from ..common.errors import RowError
 from . import oracles
 from .inputs import Image, TestPart
 
 if TYPE_CHECKING:
     from ..heads.checkpoint import ScaleHead
-    from ..heads.examples import Source
+    from ..heads.train.examples import Source
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def label_of(name: str, head: "ScaleHead") -> str:
 
 def head_method(head: "ScaleHead", source: "Source") -> Method:
     """A head on a dataset's tables; a control sees no more than it was trained to see."""
-    from ..heads.controls import controlled_features
+    from ..heads.train.controls import controlled_features
 
     options = head.description.get("options", {})
     see = partial(

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 
 # delta1 to delta3 and the errors, in the order that tables print them.
 METRICS = (

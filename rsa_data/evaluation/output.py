@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .. import tables
-from ..parts import Work
+from ..store import schemas
+from ..store.tables import Work
 from .formats import FORMATS
 from .summary import Row
 
@@ -16,7 +16,7 @@ def write(
     work: Work, folder: str, table: pa.Table, rows: Sequence[Row], title: str, notes: Sequence[str]
 ) -> str:
     """Writes metrics.parquet and summary.{md,tex,csv,txt} to `folder`; returns summary.txt."""
-    tables.check("metrics", table)
+    schemas.check("metrics", table)
     buffer = io.BytesIO()
     pq.write_table(table, buffer)
     work.store.write(f"{folder}/metrics.parquet", buffer.getvalue())

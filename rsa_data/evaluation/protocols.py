@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..datasets import Dataset
-from ..errors import RowError
+from ..common.errors import RowError
+from ..datasets.dataset import Dataset
 from ..registry import unknown
 
 # (height, width) -> bool array of that shape, True where pixels count.

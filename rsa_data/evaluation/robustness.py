@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from .. import registry, tables
-from ..errors import RowError, RsaDataError, UsageError
-from ..parts import Work
+from .. import registry
+from ..common.errors import RowError, RsaDataError, UsageError
+from ..store import schemas
+from ..store.tables import Work
 from . import output
 from .evaluate import Evaluation
 from .inputs import Image, TestPart, rows_of
@@ -22,7 +23,7 @@ from .summary import summarise
 
 if TYPE_CHECKING:
     from ..heads.checkpoint import ScaleHead
-    from ..heads.examples import Source
+    from ..heads.train.examples import Source
 
 # Options of the captions stage, and which variant to take: 0 is the plain caption of these
 # options, 1 an augmented one, whose objects always stand in another order.
@@ -123,7 +124,7 @@ def robustness_methods(
     segments.
     """
     from ..captions import write
-    from ..encoders import embed
+    from ..embeddings import embed
 
     captions = work.table(source.dataset, source.captions).description()
     segments = next((n for n in captions["inputs"] if n.startswith("segments/")), None)
@@ -209,7 +210,7 @@ def _by_texts(
     def method(part: TestPart) -> Callable[[Image], Prediction]:
         captions = described(part)
         texts = encode(captions)
-        features = tables.embedding_array(texts)[rows_of(captions["text_id"], texts["text_id"])]
+        features = schemas.embedding_array(texts)[rows_of(captions["text_id"], texts["text_id"])]
         scales, shifts = head(features.astype(np.float32))
         ids = {name: row for row, name in enumerate(captions["sample_id"].to_pylist())}
 

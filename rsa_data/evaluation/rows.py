@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from .. import tables
-from ..errors import RowError
+from ..common.errors import RowError
+from ..store import schemas
 from .inputs import Image, TestPart
 from .methods import Method, Prediction
 from .metrics import clip, errors_of_valid
@@ -37,8 +37,8 @@ def measure(
                 shown.update(1)
     if shown:
         shown.close()
-    names = tables.schema("metrics").names
-    return tables.from_columns("metrics", {n: [row.get(n) for row in rows] for n in names})
+    names = schemas.schema("metrics").names
+    return schemas.from_columns("metrics", {n: [row.get(n) for row in rows] for n in names})
 
 
 def _row(

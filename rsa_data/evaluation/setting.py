@@ -3,14 +3,15 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .. import index, registry
-from ..errors import RsaDataError
-from ..parts import Work
+from .. import registry
+from ..common.errors import RsaDataError
+from ..datasets import index
+from ..store.tables import Work
 from .inputs import TestPart
 from .protocols import Rules, rules
 
 if TYPE_CHECKING:
-    from ..heads.examples import Source
+    from ..heads.train.examples import Source
 
 
 def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:

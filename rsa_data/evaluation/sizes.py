@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..captions.words import clean
-from ..errors import RowError
-from ..parts import Work
+from ..common.errors import RowError
+from ..store.tables import Work
 from .inputs import Image, TestPart
 from .methods import Method, Prediction, scaled
 

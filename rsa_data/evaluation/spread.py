@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RsaDataError
+from ..common.errors import RsaDataError
 from .inputs import Image, TestPart
 from .oracles import metric
 from .protocols import Rules

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import tables
-from ..errors import RsaDataError, UsageError
-from ..parts import Parts, Work, fingerprint
+from ..common.errors import RsaDataError, UsageError
 from ..registry import unknown
-from .examples import Source
+from ..store import schemas
+from ..store.tables import Parts, Work, fingerprint
+from .train.examples import Source
 
 # Options of a stage that change how fast or how exactly something is computed or kept, or which
 # pixels are drawn, but not what it means.
@@ -44,7 +44,7 @@ def features_of(work: Work, source: Source) -> dict[str, Any]:
 
 def width(table: Parts, number: int) -> int:
     """Length of a feature of an embeddings table."""
-    return tables.embedding_array(table.read(number, ["embedding"]).slice(0, 1)).shape[1]
+    return schemas.embedding_array(table.read(number, ["embedding"]).slice(0, 1)).shape[1]
 
 
 def depth_identity(table: Parts) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -185,8 +185,8 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
 
 def encoder(features: dict[str, Any], weights: Any = None) -> Callable[[Sequence[str]], np.ndarray]:
     """`encode` with the encoder in memory; raises RsaDataError when it is not the head's."""
-    from ..encoders import embed
-    from ..identity import file_sha256
+    from ..embeddings import embed
+    from ..runner.fingerprints import file_sha256
 
     if features.get("style") in ("images", "proposals") or "images" in features:
         raise UsageError(

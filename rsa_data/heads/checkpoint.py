@@ -10,10 +10,10 @@ from safetensors import SafetensorError
 from safetensors.torch import load as from_safetensors
 from safetensors.torch import save as to_safetensors
 
-from ..errors import RsaDataError
-from ..parts import to_json
+from ..common.errors import RsaDataError
 from ..registry import HEADS, resolve
-from ..storage import Store, open_store
+from ..store.stores import Store, open_store
+from ..store.tables import to_json
 from .description import FORMAT as FORMAT
 from .description import parse
 

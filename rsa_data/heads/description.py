@@ -3,8 +3,8 @@
 import json
 from typing import Any
 
-from .. import shape
-from ..errors import RsaDataError
+from ..common import forms
+from ..common.errors import RsaDataError
 
 FORMAT = 1
 
@@ -33,13 +33,13 @@ def parse(data: bytes, where: str) -> dict[str, Any]:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise RsaDataError(f"{where}: does not describe a head: {error!r}") from error
-    shape.check(found, {"format": "a whole number"}, f"{where}: does not describe a head")
+    forms.check(found, {"format": "a whole number"}, f"{where}: does not describe a head")
     if found["format"] != FORMAT:
         raise RsaDataError(
             f"{where}: expected format {FORMAT}; found {found['format']}: written by another "
             "version of rsa-data"
         )
-    shape.check(found, _FORM, f"{where}: does not describe a head")
+    forms.check(found, _FORM, f"{where}: does not describe a head")
     if found.get("prior") is not None:
-        shape.check(found["prior"], _NUMBERS, f"{where}: does not describe a head: prior")
+        forms.check(found["prior"], _NUMBERS, f"{where}: does not describe a head: prior")
     return found

@@ -4,8 +4,8 @@ import pickle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import RsaDataError
-from ..parts import Work
+from ..common.errors import RsaDataError
+from ..store.tables import Work
 
 if TYPE_CHECKING:
     from .checkpoint import ScaleHead

@@ -1,0 +1,76 @@
+"""Commands that make and use heads: train-head, evaluate, predict, import-head."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..common.options import click_options
+from ..evaluation.evaluate import evaluate as evaluate_function
+from ..heads.predict.predict import predict as predict_function
+from ..heads.released import import_head as import_function
+from ..heads.train.train_head import train_head as train_head_function
+from ..store.tables import Work
+from . import console
+from .shared import say_next, work_option
+
+
+@click.command("train-head")
+@work_option
+@click_options(train_head_function)
+def train_head(work: str, **options: Any) -> None:
+    """Train the head that turns a caption's embedding into scale and shift.
+
+    \b
+      rsa-data train-head --head mlp5 --name nyu
+    """
+    result = train_head_function(Work(work), bar=console.bar, **options)
+    click.echo(result.summary)
+    say_next(Work(work), f"evaluate --head {options['name']}")
+
+
+@click.command()
+@work_option
+@click_options(evaluate_function)
+def evaluate(work: str, **options: Any) -> None:
+    """Measure a head on the test splits, beside oracles and constants.
+
+    \b
+      rsa-data evaluate --head nyu
+    """
+    result = evaluate_function(Work(work), bar=console.bar, **options)
+    click.echo(result.summary)
+    say_next(
+        Work(work), f'predict --head {options["head"]} --caption "a small bathroom with a sink"'
+    )
+
+
+@click.command()
+@work_option
+@click_options(predict_function)
+def predict(work: str, **options: Any) -> None:
+    """Scale and shift of a caption or image; with --out, its metric depth.
+
+    \b
+      rsa-data predict --head nyu --caption "a small bathroom with a sink"
+      rsa-data predict --head nyu --image room.jpg --known 320,240,2.5 --out room.png
+    """
+    click.echo(predict_function(Work(work), **options).summary)
+
+
+@click.command("import-head")
+@work_option
+@click.argument("file", type=click.Path(path_type=Path))
+@click_options(import_function)
+def import_head(work: str, file: Path, **options: Any) -> None:
+    """Turn a released RSA checkpoint (.pt) into a head of the work dir.
+
+    \b
+      rsa-data import-head da_lanscale.pt --name released
+    """
+    where, description = import_function(Work(work), file, **options)
+    click.echo(f"head {where}: {description['architecture']['name']}")
+    for name, measures in description["imported"]["measures"].items():
+        numbers = "  ".join(f"{key} {value:.4f}" for key, value in measures.items())
+        click.echo(f"  its own test measures, {name}: {numbers}")
+    say_next(Work(work), f"predict --head {Path(where).name} --weights CLIP --caption TEXT")

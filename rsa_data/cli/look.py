@@ -1,0 +1,119 @@
+"""Commands that only look: status, verify, show, list."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from .. import registry
+from ..common import class_names, options
+from ..common.errors import RsaDataError
+from ..runner import pipeline_files
+from ..runner import status as state
+from ..runner import verify as checks
+from ..store.tables import Work
+from .shared import work_option
+
+
+@click.command("status")
+@work_option
+def status(work: str) -> None:
+    """What stands in a work dir: parts, rows, failures, sizes, and what is out of date.
+
+    \b
+      rsa-data status
+    """
+    for line in state.status(Work(work)):
+        click.echo(line)
+
+
+@click.command()
+@work_option
+@click.option(
+    "--recompute",
+    default=0,
+    metavar="N",
+    help="Also make N random parts of each table again and compare.",
+)
+def verify(work: str, recompute: int) -> None:
+    """Read every part again and hold it against its receipt.
+
+    \b
+      rsa-data verify
+      rsa-data verify --recompute 2
+    """
+    problems = checks.verify(Work(work), click.echo)
+    if recompute:
+        problems += checks.recompute(Work(work), recompute, click.echo)
+    if problems:
+        raise RsaDataError(
+            f"{problems} problems found. To make a bad part anew, delete its receipt "
+            "(WORK/DATASET/TABLE/part-NNNNN.json) and run the command of its table again"
+        )
+
+
+@click.command()
+@work_option
+@click.argument("sample_id")
+@click.option(
+    "--head", help="Head that predicts; one that was trained on the dataset if not given."
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("sample.png"), show_default=True
+)
+def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
+    """Draw one sample: its segments, captions, depth, and what a head makes of it.
+
+    \b
+      rsa-data show nyuv2/test/bathroom/rgb_00045 --out bathroom.png
+    """
+    from ..views.pictures import sample
+
+    for line in sample.draw(Work(work), sample_id, head, out):
+        click.echo(line)
+    click.echo(f"picture: {out}")
+
+
+@click.command("list")
+@click.argument("what", required=False)
+def list_names(what: str | None) -> None:
+    """What can be chosen: datasets, segmenters, styles, tokenizers, encoders, models, heads, jobs.
+
+    \b
+      rsa-data list datasets
+    """
+    if what is not None and what not in _KINDS:
+        raise registry.unknown("kind", what, _KINDS)
+    for kind in [what] if what else _KINDS:
+        click.echo(f"{kind}:")
+        for name, doc in _KINDS[kind]():
+            click.echo(f"  {name:28} {doc}")
+            if what == "datasets":
+                for line in _dataset_options(name):
+                    click.echo(f"  {'':28}   {line}")
+    if what == "datasets":
+        click.echo("data/README.md says where to get each one and how it must lie.")
+
+
+def _dataset_options(name: str) -> list[str]:
+    """What --dataset-option takes for a dataset, one line an option."""
+    build = registry.resolve("dataset", registry.DATASETS, name)
+    return [
+        f"{option}={'...' if p.default in (None, p.empty) else p.default}: "
+        f"{options.help_text(build, option)}"
+        for option, p in options.parameters(build).items()
+    ]
+
+
+_KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
+    "datasets": lambda: registry.described(registry.DATASETS),
+    "segmenters": lambda: registry.described(registry.SEGMENTERS),
+    "class-tables": class_names.described,
+    "styles": lambda: registry.described(registry.STYLES),
+    "tokenizers": lambda: registry.described(registry.TOKENIZERS),
+    "encoders": lambda: registry.described(registry.ENCODERS),
+    "image-encoders": lambda: registry.described(registry.IMAGE_ENCODERS),
+    "depth-models": lambda: registry.described(registry.DEPTH_MODELS),
+    "heads": lambda: registry.described(registry.HEADS),
+    "jobs": pipeline_files.described,
+}

@@ -1,0 +1,32 @@
+"""The command plan: what another command would take."""
+
+from importlib import import_module
+
+import click
+
+from .. import registry
+from .shared import PLANNING
+
+_STAGES = ("captions", "embed", "embed-images", "depth", "detect", "run")
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("stage")
+@click.argument("words", nargs=-1, type=click.UNPROCESSED)
+@click.pass_context
+def plan(ctx: click.Context, stage: str, words: tuple[str, ...]) -> None:
+    """Parts, hours and bytes that a stage with these options would take; runs none of it.
+
+    Index and inputs must be there or be quick to make: samples are indexed, a few rows are tried.
+
+    \b
+      rsa-data plan embed --encoder minilm --workers 2
+    """
+    from .main import COMMANDS
+
+    if stage not in _STAGES:
+        raise registry.unknown("stage", stage, _STAGES)
+    module, attribute = COMMANDS[stage].split(":")
+    command = getattr(import_module(module), attribute)
+    ctx.meta[PLANNING] = True
+    command.main(args=list(words), prog_name=f"rsa-data {stage}", parent=ctx, standalone_mode=False)

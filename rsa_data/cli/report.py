@@ -1,0 +1,23 @@
+"""Commands for people's eyes: report."""
+
+from typing import Any
+
+import click
+
+from ..common.options import click_options
+from ..store.tables import Work
+from ..views.report.build import report as report_function
+from . import console
+from .shared import work_option
+
+
+@click.command()
+@work_option
+@click_options(report_function)
+def report(work: str, **options: Any) -> None:
+    """Write one HTML file that shows what a work dir holds.
+
+    \b
+      rsa-data report
+    """
+    click.echo(report_function(Work(work), bar=console.bar, **options).summary)

@@ -1,0 +1,159 @@
+"""Options and words that several commands share."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..common import units
+from ..datasets.roots import open_root
+from ..runner import limits, plan
+from ..runner.chains import How
+from ..runner.engines import pool
+from ..runner.runs import Summary
+from ..store.tables import Work
+from . import console
+
+
+def part_range(ctx: click.Context, param: click.Parameter, value: str | None) -> Any:
+    """`0:8` as (0, 8); a usage error for anything else."""
+    if value is None:
+        return None
+    first, colon, last = value.partition(":")
+    if not colon or not first.isdigit() or not last.isdigit() or int(first) >= int(last):
+        raise click.BadParameter(f"expected FIRST:LAST, last excluded, as in 0:8; found {value!r}")
+    return int(first), int(last)
+
+
+# Set in the context's meta while `rsa-data plan` runs another command.
+PLANNING = "rsa_data.planning"
+
+_ENGINE = ("engine", "workers", "memory", "ray_address")
+_HOW = ("split", "part_range", "start_over", "max_failures")
+
+
+def max_failures(ctx: click.Context, param: click.Parameter, value: str) -> float | int:
+    """A count or a share of rows; see `limits.parse_failures`."""
+    return limits.parse_failures(value)
+
+
+def memory_limit(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Bytes of a size such as 4GB, or None."""
+    return None if value is None else units.parse_size(value, "--memory-limit")
+
+
+def key_values(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> Any:
+    """{name: value} of repeated NAME=VALUE; a usage error for anything else."""
+    pairs = [item.partition("=") for item in value]
+    for key, equals, _ in pairs:
+        if not equals:
+            raise click.BadParameter(f"expected NAME=VALUE; found {key!r}")
+    return {key: text for key, _, text in pairs}
+
+
+def root_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
+    """A folder, or what reads like one; see `roots.open_root`."""
+    return None if value is None else open_root(value)
+
+
+def work_option(command: Callable) -> Callable:
+    """--work, as every command has it."""
+    return click.option(
+        "--work", default="work", show_default=True, help="Folder of all tables and heads."
+    )(command)
+
+
+def running(command: Callable) -> Callable:
+    """--work and how to run: collects the options into `work: Work` and `how: How`."""
+
+    @functools.wraps(command)
+    def wrapped(work: str, **given: Any) -> Any:
+        engine = pool.How(**{n: given.pop(n) for n in _ENGINE})
+        how = How(bar=console.bar, tell=tell, engine=engine, **{n: given.pop(n) for n in _HOW})
+        if click.get_current_context().meta.get(PLANNING):
+            how = replace(how, plan=functools.partial(tell_plan, engine.workers), start_over=False)
+        return command(work=Work(work), how=how, **given)
+
+    for option in (
+        click.option("--start-over", is_flag=True, help="Delete the table first, make it anew."),
+        click.option(
+            "--max-failures",
+            callback=max_failures,
+            default="90%",
+            show_default=True,
+            metavar="N|SHARE%",
+            help="Stop early when more rows fail.",
+        ),
+        click.option(
+            "--memory-limit",
+            "memory",
+            callback=memory_limit,
+            metavar="SIZE",
+            help="End a worker that holds more, such as 4GB.",
+        ),
+        click.option(
+            "--ray-address", metavar="ADDRESS", help="Of a Ray cluster, such as auto; none: here."
+        ),
+        click.option(
+            "--engine",
+            type=click.Choice(list(pool.ENGINES)),
+            default="local",
+            show_default=True,
+            help="Who runs the workers.",
+        ),
+        click.option("--workers", default=1, show_default=True, help="Processes side by side."),
+        click.option("--part-range", callback=part_range, metavar="A:B", help="Parts A to B-1."),
+        click.option("--split", help="Only this split, such as train or test."),
+    ):
+        wrapped = option(wrapped)
+    return work_option(wrapped)
+
+
+def one_dataset(command: Callable) -> Callable:
+    """--dataset, --root and --dataset-option of the commands that may index."""
+    for option in (
+        click.option(
+            "--dataset-option",
+            "given",
+            multiple=True,
+            callback=key_values,
+            metavar="NAME=VALUE",
+            help="Option of the dataset, such as depth_unit=mm; see `rsa-data list datasets`.",
+        ),
+        click.option(
+            "--root",
+            callback=root_of,
+            metavar="PLACE",
+            help="Where its files lie: a folder, s3://BUCKET/PREFIX or https://HOST/PATH.",
+        ),
+        click.option(
+            "--dataset",
+            required=True,
+            help="Name of a dataset, or folder:NAME for images of your own.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def tell(stage: str, dataset: str, summary: Summary) -> None:
+    """Prints a stage's summary."""
+    for line in console.summary_lines(stage, dataset, summary):
+        click.echo(line)
+
+
+def tell_plan(workers: int, stage: str, dataset: str, estimate: plan.Estimate) -> None:
+    """Prints a stage's estimate."""
+    for line in plan.lines(stage, dataset, estimate, workers):
+        click.echo(line)
+
+
+def say_next(work: Work, command: str) -> None:
+    """Prints the next command to type, with --work where it is not the default."""
+    if click.get_current_context().meta.get(PLANNING):
+        return
+    where = "" if work.store.location == "work" else f" --work {work.store.location}"
+    click.echo(f"next: rsa-data {command}{where}")

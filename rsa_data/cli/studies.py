@@ -1,0 +1,36 @@
+"""Commands that study heads: robustness, compare."""
+
+from typing import Any
+
+import click
+
+from ..common.options import click_options
+from ..evaluation.compare import compare as compare_function
+from ..evaluation.robustness import robustness as robustness_function
+from ..store.tables import Work
+from . import console
+from .shared import work_option
+
+
+@click.command()
+@work_option
+@click_options(robustness_function)
+def robustness(work: str, **options: Any) -> None:
+    """Measure a head with descriptions that are wrong or poor.
+
+    \b
+      rsa-data robustness --head nyu
+    """
+    click.echo(robustness_function(Work(work), bar=console.bar, **options).summary)
+
+
+@click.command()
+@work_option
+@click_options(compare_function)
+def compare(work: str, **options: Any) -> None:
+    """Train and measure heads on text, other inputs and controls, in one table.
+
+    \b
+      rsa-data compare --work demo
+    """
+    click.echo(compare_function(Work(work), bar=console.bar, **options).summary)

@@ -1,0 +1,133 @@
+"""Class names: the tables that models and label maps index, and the names that captions use."""
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..registry import unknown
+from . import forms
+from .errors import RsaDataError
+
+_FORM = {"first?": "a class number", "count?": "a class number"}
+_TABLES = Path(__file__).parent / "class_tables.toml"
+
+
+@dataclass(frozen=True)
+class ClassTable:
+    """What the class numbers of a model, an annotation file or a label map mean.
+
+    names : class number -> name as captions use it.
+    things : class numbers of countable things; the others are stuff.
+    count : classes that a model with this table answers, named or not.
+    """
+
+    names: dict[int, str]
+    things: frozenset[int]
+    count: int
+
+    def label(self, number: int) -> str:
+        """The name of a class number, or "class 17" where the table has none."""
+        return self.names.get(number, f"class {number}")
+
+
+def caption_name(name: str) -> str:
+    """A class name as the released captions write it: plain words.
+
+    The part up to the first "-" ("wall-brick" is wall, "food-other-merged" is food), without
+    parenthesised glosses ("bow_(weapon)" is bow), underscores as spaces, and COCO's word where
+    VOC has another ("diningtable" is dining table).
+    """
+    name = re.sub(r"\s+", " ", re.sub(r"\(.*?\)", "", name.split("-")[0].replace("_", " "))).strip()
+    return _tables()["synonyms"].get(name, name)
+
+
+@cache
+def table(name: str) -> ClassTable:
+    """One of the tables that the package ships; raises UsageError for an unknown name."""
+    tables = _tables()["tables"]
+    if name not in tables:
+        raise unknown("class table", name, tables)
+    return parse(tables[name], f"class table {name}")
+
+
+def known() -> list[str]:
+    """The names of the tables that the package ships."""
+    return sorted(_tables()["tables"])
+
+
+def described() -> list[tuple[str, str]]:
+    """(name, how many classes and the first of them) of every shipped table."""
+    found = ((name, list(table(name).names.values())) for name in known())
+    return [(name, f"{len(names)} classes: {', '.join(names[:5])}, ...") for name, names in found]
+
+
+def parse(spec: dict[str, Any], where: str) -> ClassTable:
+    """A table from its TOML form: `names`, a list counted from `first` (0 unless given) or a table
+    of number = name; `things`, the names of the countable ones, or "all" or "none"; `count`, where
+    a model answers more classes than have a name.
+
+    A name "" is no class (background). Raises RsaDataError when it is not of that form.
+    """
+    forms.check(spec, _FORM, where)
+    names = spec.get("names")
+    if isinstance(names, list):
+        first = spec.get("first", 0)
+        numbers = dict(enumerate(names, first))
+    elif isinstance(names, dict) and all(n.isdecimal() and len(n) < 10 for n in names):
+        numbers = {int(number): name for number, name in names.items()}
+    else:
+        raise RsaDataError(
+            f'{where}: expected names = ["a", ...] or a table of number = name; found {names!r}'
+        )
+    forms.check(list(numbers.values()), ["text"], f"{where}: names")
+    things = spec.get("things", "all")
+    if things == "all":
+        countable = frozenset(numbers)
+    elif things == "none":
+        countable = frozenset()
+    elif strange := set(forms.check(things, ["text"], f"{where}: things")) - {*numbers.values()}:
+        raise RsaDataError(f"{where}: things not among the names: {', '.join(sorted(strange))}")
+    else:
+        countable = frozenset(n for n, name in numbers.items() if name in things)
+    count = spec.get("count", max(numbers, default=-1) + 1)
+    plain = {n: caption_name(name) for n, name in numbers.items() if name}
+    return ClassTable(plain, countable, count)
+
+
+def read(path: Path) -> ClassTable:
+    """A table from a file: TOML as in `parse`, or text with one name a line, counted from 0."""
+    try:
+        text = path.read_text("utf-8")
+        if path.suffix == ".toml":
+            return parse(tomllib.loads(text), path.name)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RsaDataError(
+            f"names: expected a file of class names, one a line or TOML, at {path}; found {error}"
+        ) from error
+    return parse({"names": [line.strip() for line in text.splitlines() if line.strip()]}, path.name)
+
+
+def things(labels: Sequence[str]) -> np.ndarray:
+    """Which of some caption names are things, by the COCO panoptic classes; unknown ones are.
+
+    Returns bool of shape (n,).
+    """
+    stuff = _coco_stuff()
+    return np.fromiter((label not in stuff for label in labels), bool, len(labels))
+
+
+@cache
+def _coco_stuff() -> frozenset[str]:
+    coco = table("coco-panoptic")
+    return frozenset(name for n, name in coco.names.items() if n not in coco.things)
+
+
+@cache
+def _tables() -> dict[str, Any]:
+    return tomllib.loads(_TABLES.read_text("utf-8"))

@@ -1,0 +1,181 @@
+"""Reading images: every kind of file that a folder of photographs holds, as RGB of 8 bits.
+
+Pillow decodes: on the frames this was measured with it is as fast as OpenCV, gives the same pixels,
+works in threads, and raises on a truncated file where OpenCV may return what it has.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+
+from ..common.errors import RowError, TransientError
+from .roots import RemotePath
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
+
+SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".gif", ".tif", ".tiff"})
+
+# Twice the largest single photograph in use; 300 MB once decoded.
+MAX_PIXELS = 100_000_000
+
+# Bytes that hold the header of most files, with the thumbnail that cameras put there.
+_HEADER = 1 << 16
+
+# Why a row fails whose file is not there.
+MISSING = "no such file"
+
+_KINDS = "a JPEG, PNG, WebP, BMP, GIF or TIFF image"
+
+
+def read_image(path: Path, max_pixels: int = MAX_PIXELS) -> np.ndarray:
+    """The image as it is meant to be seen: uint8 of shape (height, width, 3), RGB, 0 to 255.
+
+    EXIF rotation is applied, grey becomes three equal channels, 16 bits keep their upper 8, CMYK
+    is converted, alpha is dropped, of an animation the first frame is taken.
+
+    max_pixels : files whose header announces more are not decoded.
+
+    Raises RowError, whose message has no path in it, when there is no such file or it cannot be
+    read as an image; TransientError when the file system fails.
+    """
+    data = read_bytes(path)
+    image = _open(io.BytesIO(data))
+    width, height = image.size
+    if width * height > max_pixels:
+        raise RowError(
+            f"image of {width} x {height} pixels: expected at most {max_pixels} pixels (max_pixels)"
+        )
+    try:
+        image.load()
+        pixels = _rgb(image)
+    except MemoryError:
+        raise
+    except Exception as error:  # Pillow's decoders raise nearly every built-in kind
+        raise RowError(f"unreadable {image.format} image: {reason(error)}") from error
+    return np.ascontiguousarray(_turned(pixels, _orientation(image)))
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """(width, height) in px of the image as `read_image` gives it, from the header alone.
+
+    Raises as `read_image` does.
+    """
+    try:
+        if isinstance(path, RemotePath):
+            with contextlib.suppress(RowError):  # where the header is longer, or at the end
+                return _size(io.BytesIO(path.read_head(_HEADER)))
+        with path.open("rb") as file:
+            return _size(file)
+    except OSError as error:
+        raise _file_error(error, path) from error
+
+
+def _size(file: BinaryIO) -> tuple[int, int]:
+    image = _open(file)
+    width, height = image.size
+    return (height, width) if _orientation(image) >= 5 else (width, height)
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a file of the dataset.
+
+    Raises RowError when there is no such file, TransientError when the file system fails.
+    """
+    try:
+        # A pipe would be waited for without end.
+        far = isinstance(path, RemotePath)
+        if not far and not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+            raise RowError("expected a file, found a pipe, socket or device")
+        return path.read_bytes()
+    except OSError as error:
+        raise _file_error(error, path) from error
+
+
+def reason(error: Exception) -> str:
+    """What a library says of a broken file, the same on every run: without addresses of objects."""
+    return re.sub(r" at 0x[0-9a-f]+", "", str(error)) or type(error).__name__
+
+
+def _file_error(error: OSError, path: Path) -> RowError | TransientError:
+    if isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        return RowError(MISSING)
+    if isinstance(error, IsADirectoryError):
+        return RowError("expected a file, found a directory")
+    return TransientError(f"{path}: {error.strerror}; the part can be run again")
+
+
+def _open(file: BinaryIO) -> ImageFile:
+    """Pillow's image by its header.
+
+    The classes stand here, instead of Image.open, because its limit on pixels is global to the
+    process and it tries every format it knows.
+    """
+    from PIL.BmpImagePlugin import BmpImageFile
+    from PIL.GifImagePlugin import GifImageFile
+    from PIL.JpegImagePlugin import JpegImageFile
+    from PIL.PngImagePlugin import PngImageFile
+    from PIL.TiffImagePlugin import TiffImageFile
+    from PIL.WebPImagePlugin import WebPImageFile
+
+    magic: dict[bytes, type[ImageFile]] = {
+        b"\xff\xd8\xff": JpegImageFile,
+        b"\x89PNG\r\n\x1a\n": PngImageFile,
+        b"RIFF": WebPImageFile,
+        b"BM": BmpImageFile,
+        b"GIF8": GifImageFile,
+        b"II*\0": TiffImageFile,
+        b"MM\0*": TiffImageFile,
+    }
+    head = file.read(16)
+    file.seek(0)
+    for start, kind in magic.items():
+        if head.startswith(start):
+            try:
+                return kind(file)
+            except Exception as error:  # see read_image
+                raise RowError(f"unreadable {kind.format} image: {reason(error)}") from error
+    found = f"a file that begins with {head!r}" if head else "an empty file"
+    raise RowError(f"expected {_KINDS}, found {found}")
+
+
+def _rgb(image: ImageFile) -> np.ndarray:
+    """uint8 of shape (height, width, 3), RGB, of a loaded image of any mode."""
+    if image.mode.startswith("I;16") or (image.mode == "I" and image.format == "PNG"):
+        grey = (np.asarray(image) >> 8).astype(np.uint8)
+        return np.repeat(grey[:, :, None], 3, axis=2)
+    if image.mode in ("I", "F"):
+        raise ValueError(f"expected 8 or 16 bits a channel, found mode {image.mode}")
+    # Straight to RGB, Pillow warns of palettes with transparency.
+    plain = image.convert("RGBA") if image.mode in ("P", "PA") else image
+    return np.asarray(plain.convert("RGB"))
+
+
+def _orientation(image: ImageFile) -> int:
+    """EXIF orientation, 1 to 8; 1 where there is none that makes sense."""
+    # Pillow turns TIFF by itself, and would decode a whole PNG to look for EXIF behind the pixels.
+    if image.format == "TIFF" or (image.format == "PNG" and "exif" not in image.info):
+        return 1
+    try:
+        value = image.getexif().get(0x0112, 1)
+    except Exception:  # broken EXIF around a good image
+        return 1
+    return value if value in range(1, 9) else 1
+
+
+def _turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Pixels as displayed; orientations as in EXIF 2.32, section 4.6.4, tag 0x0112."""
+    if orientation >= 5:
+        pixels = pixels.transpose(1, 0, 2)
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    return pixels

@@ -1,0 +1,230 @@
+"""The stage embed: every distinct text of a captions part through a frozen encoder, once."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from .. import registry
+from ..common import progress
+from ..common.errors import RsaDataError, UsageError
+from ..store import schemas
+from . import audit, runtime
+from .encoder import Encoder, Ids, TextModel
+from .runtime import Device, Precision, Run, Runtime
+
+Step = Callable[[pa.Table], pa.Table]
+
+
+def build(
+    *,
+    encoder: str = "clip-rn50",
+    weights: Path | None = None,
+    precision: Precision = "float32",
+    store: Literal["float16", "float32"] = "float16",
+    normalize: bool = False,
+    runtime: Runtime = "auto",
+    device: Device = "auto",
+    threads: int = 2,
+    audit_head: Path | None = None,
+) -> Step:
+    """Turns texts into features with a frozen text encoder.
+
+    Parameters
+    ----------
+    encoder : text encoder; see `rsa-data list encoders`.
+    weights : file with the encoder's weights, or folder of a sentence encoder. Without it the
+        registry's file is taken: from its package, the cache, or a download with its checksum.
+    precision : arithmetic of the encoder; what is not float32 is compared with float32 on a sample
+        of every part, and refused beyond the limits in encoders/audit.py.
+    store : type of the stored features; float16 rounds each value by up to 4.9e-4 of itself.
+    normalize : scale each feature to norm 1; the paper's heads want CLIP's features raw. An
+        encoder whose own definition ends in a normalisation has it in any case.
+    runtime : torch or onnx; auto takes the faster one that is installed. ONNX Runtime runs float32
+        and int8 on a CPU, and needs the extra `export` to make its graph the first time.
+    device : where the encoder runs; auto takes a GPU when there is one.
+    threads : CPU threads of each worker; they can change the last bits of a feature.
+    audit_head : a trained head: the comparison with float32 then also shows what becomes of scale
+        and shift.
+    """
+    run, model, exact = _runners(encoder, weights, precision, runtime, device, threads)
+
+    def step(captions: pa.Table) -> pa.Table:
+        text_id, texts = distinct_texts(captions)
+        ids, truncated = model.tokenize(texts)
+        lengths = np.fromiter(map(len, ids), np.int32, len(ids))
+        samples = captions["sample_id"] if "sample_id" in captions.column_names else text_id
+        told = _Progress(len(pc.unique(samples)), int(lengths.sum()))
+        features = np.empty((len(texts), model.dim), np.float32)
+        for rows, found in run(model.batches(ids, model.budget)):
+            features[rows] = found
+            told.add(int(lengths[rows].sum()))
+        _check_finite(features, texts)
+        figures = {}
+        if precision != "float32" and texts:
+            rows = audit.sample(len(texts))
+            reference = _all(exact, model, [ids[row] for row in rows])
+            figures = audit.compare(features[rows], reference, precision, audit_head)
+        if normalize:
+            features /= np.linalg.norm(features, axis=1, keepdims=True)
+        table = schemas.from_columns(
+            "embeddings",
+            {
+                "text_id": text_id,
+                "embedding": schemas.embedding_column(_stored(features, store)),
+                "n_tokens": lengths,
+                "truncated": truncated,
+            },
+        )
+        return table.replace_schema_metadata({"audit": json.dumps(figures)} if figures else None)
+
+    return step
+
+
+def files(
+    *, encoder: str = "clip-rn50", weights: Path | None = None, **others: object
+) -> dict[str, Path]:
+    """The files whose bytes decide the features, by name; may download them."""
+    if weights is not None and not weights.exists():
+        raise UsageError(f"--weights: expected a file or folder; {weights} is not there")
+    return _encoder(encoder).files(encoder.partition(":")[2] or None, weights)
+
+
+# The columns that `notes` reads.
+NOTED = ["truncated", "n_tokens"]
+
+
+def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[str]:
+    """What the summary says: texts that were cut, and what a faster precision changed."""
+    texts = cut = 0
+    audits = []
+    for table in made:
+        texts += len(table)
+        cut += pc.sum(table["truncated"], min_count=0).as_py()
+        if figures := (table.schema.metadata or {}).get(b"audit"):
+            audits.append(json.loads(figures))
+    sentences = []
+    if cut:
+        sentences.append(
+            f"{cut / texts:.1%} of the texts are longer than {options['encoder']} reads: their "
+            "ends were cut (`captions --max-tokens` writes shorter ones)"
+        )
+    if audits:
+        worst = {
+            key: (min if "cosine" in key else max)(a[key] for a in audits) for key in audits[0]
+        }
+        sentences.append(
+            f"{options['precision']} against float32, the worst of {len(audits)} parts: cosine "
+            f"{worst['cosine_min']:.5f}, norm changed by {worst['norm_change_max']:.2%}"
+            + (
+                f", scale by {worst['scale_change_p95']:.1%} and shift by "
+                f"{worst['shift_change_p95']:.1%} (95th percentiles)"
+                if "scale_change_p95" in worst
+                else ""
+            )
+        )
+    return sentences
+
+
+def encode(
+    texts: Sequence[str],
+    *,
+    encoder: str,
+    weights: Path | None = None,
+    normalize: bool = False,
+    **others: object,
+) -> np.ndarray:
+    """Features of a few texts, float32 of shape (n, dim), in torch, which is soonest ready."""
+    return loaded(encoder=encoder, weights=weights, normalize=normalize)(texts)
+
+
+def loaded(
+    *, encoder: str, weights: Path | None = None, normalize: bool = False, **others: object
+) -> Callable[[Sequence[str]], np.ndarray]:
+    """`encode` with the weights in memory, for calls one after the other."""
+    run, model, _ = _runners(encoder, weights, "float32", "torch", "cpu", 2)
+
+    def encode(texts: Sequence[str]) -> np.ndarray:
+        features = _all(run, model, model.tokenize(list(texts))[0])
+        _check_finite(features, texts)
+        return features / np.linalg.norm(features, axis=1, keepdims=True) if normalize else features
+
+    return encode
+
+
+def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
+    """Ids and texts of a captions part, each once, in order of first appearance."""
+    encoded = captions["text_id"].combine_chunks().dictionary_encode()
+    # Codes are numbered by first appearance, so the first row of each code is in that order.
+    first = np.unique(encoded.indices.to_numpy(), return_index=True)[1]
+    texts = captions["text"].take(pa.array(first)).combine_chunks()
+    try:
+        return encoded.dictionary, texts.to_pylist()
+    except UnicodeDecodeError as error:
+        start = error.object[:60]
+        raise RsaDataError(f"captions: text: expected UTF-8, found {start!r}") from error
+
+
+def _encoder(encoder: str) -> Encoder[TextModel]:
+    name = encoder.partition(":")[0]
+    # Tables and heads keep what `hf:DIR` was as `hf-NAME`; where it lies comes with `weights`.
+    return registry.resolve("encoder", registry.ENCODERS, "hf" if name.startswith("hf-") else name)
+
+
+def _runners(
+    encoder: str,
+    weights: Path | None,
+    precision: Precision,
+    wanted: Runtime,
+    device: Device,
+    threads: int,
+) -> tuple[Run, TextModel, Run]:
+    """As runtime.runners, from the names of the options."""
+    where = runtime.choose(precision, wanted, device)
+    paths = files(encoder=encoder, weights=weights)
+    return runtime.runners(_encoder(encoder).load(paths), paths, precision, where, threads)
+
+
+def _all(run: Run, model: TextModel, ids: Ids) -> np.ndarray:
+    features = np.empty((len(ids), model.dim), np.float32)
+    for rows, found in run(model.batches(ids, model.budget)):
+        features[rows] = found
+    return features
+
+
+def _stored(features: np.ndarray, store: str) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        stored = features.astype(store)
+    if not np.isfinite(stored).all():
+        raise RsaDataError(
+            f"embed: a feature holds {np.abs(features).max():.3g}, which {store} cannot: use "
+            "--store float32"
+        )
+    return stored
+
+
+def _check_finite(features: np.ndarray, texts: Sequence[str]) -> None:
+    good = np.isfinite(features).all(1) & features.any(1)
+    if not good.all():
+        text = texts[int(np.flatnonzero(~good)[0])]
+        raise RsaDataError(
+            f"embed: expected a finite feature that is not all zero for {text[:60]!r}; found none. "
+            "Are the weights damaged?"
+        )
+
+
+class _Progress:
+    """Tells progress in samples, as the frame counts, from tokens, which the time goes with."""
+
+    def __init__(self, samples: int, tokens: int):
+        self.samples, self.tokens, self.done, self.told = samples, max(1, tokens), 0, 0
+
+    def add(self, tokens: int) -> None:
+        self.done += tokens
+        now = self.samples * self.done // self.tokens
+        progress.advance(now - self.told)
+        self.told = now

@@ -1,0 +1,137 @@
+"""The stage embed-images: every image of a part through a frozen image encoder."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+
+from .. import registry
+from ..common import progress
+from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.prefetch import ahead
+from ..datasets.images import read_image
+from ..datasets.roots import readers
+from ..store import schemas
+from . import runtime as runtimes
+from .encoder import Batch, Encoder, ImageModel
+from .runtime import Device
+
+Step = Callable[[pa.Table], pa.Table]
+
+# Images of a batch: enough for the convolutions to run at full rate, 10 MB of pixels.
+_BATCH = 16
+
+
+def build(
+    *,
+    root: Path | None,
+    encoder: str = "clip-rn50",
+    weights: Path | None = None,
+    precision: Literal["float32", "float16", "bfloat16"] = "float32",
+    store: Literal["float16", "float32"] = "float16",
+    device: Device = "auto",
+    threads: int = 2,
+) -> Step:
+    """Turns images into features with a frozen image encoder.
+
+    Parameters
+    ----------
+    encoder : image encoder; see `rsa-data list image-encoders`.
+    weights : file with the encoder's weights, or a model's folder, instead of the download.
+    precision : arithmetic of the encoder.
+    store : type of the stored features; float16 rounds each value by up to 4.9e-4 of itself.
+    device : where the encoder runs; auto takes a GPU when there is one.
+    threads : CPU threads of each worker; they can change the last bits of a feature.
+    """
+    import torch
+
+    if root is None:
+        raise UsageError("embed-images: expected the dataset's images; give --root DIR")
+    torch.set_num_threads(threads)
+    _, on = runtimes.choose(precision, "torch", device)
+    model = _encoder(encoder).load(files(encoder=encoder, weights=weights))
+    run = runtimes.in_torch(model.module, precision, on)
+
+    def step(samples: pa.Table) -> pa.Table:
+        images = samples["image"].to_pylist()
+        errors: list[str | None] = [None] * len(images)
+        features = np.zeros((len(images), model.dim), np.float32)
+        for rows, found in run(_batches(images, root, model, errors)):
+            if not np.isfinite(found).all():
+                raise RsaDataError(
+                    f"embed-images: the feature of {images[rows[0]]} or one near it is not finite. "
+                    "Are the weights damaged?"
+                )
+            features[rows] = found
+        status = [
+            "skipped" if image is None else "failed" if error else "ok"
+            for image, error in zip(images, errors, strict=True)
+        ]
+        ok = np.array([s == "ok" for s in status], bool)
+        return schemas.from_columns(
+            "image_embeddings",
+            {
+                "sample_id": samples["sample_id"],
+                "status": status,
+                "error": [
+                    "no image is listed" if image is None else error
+                    for image, error in zip(images, errors, strict=True)
+                ],
+                "embedding": embedding_column_with_nulls(features.astype(store), ok),
+            },
+        )
+
+    return step
+
+
+def files(
+    *, encoder: str = "clip-rn50", weights: Path | None = None, **others: object
+) -> dict[str, Path]:
+    """The files whose bytes decide the features, by name; may download them."""
+    if weights is not None and not weights.exists():
+        raise UsageError(f"--weights: expected a file or folder; {weights} is not there")
+    return _encoder(encoder).files(encoder.partition(":")[2] or None, weights)
+
+
+def _encoder(encoder: str) -> Encoder[ImageModel]:
+    name = encoder.partition(":")[0]
+    return registry.resolve("image encoder", registry.IMAGE_ENCODERS, name)
+
+
+def _batches(
+    images: list[str | None], root: Path, model: ImageModel, errors: list[str | None]
+) -> Iterator[Batch]:
+    """Batches of readable images; what cannot be read leaves its reason in `errors`."""
+    rows: list[int] = []
+    pixels: list[np.ndarray] = []
+
+    def read(image: str | None) -> np.ndarray | None:
+        return None if image is None else model.prepare(read_image(root / image))
+
+    with ThreadPoolExecutor(readers(root)) as pool:
+        for row, found in enumerate(ahead(pool, read, images, _BATCH)):
+            if isinstance(found, RowError):
+                errors[row] = f"{images[row]}: {found}"
+            elif found is not None:
+                pixels.append(found)
+                rows.append(row)
+            progress.advance(1)
+            if len(rows) == _BATCH:
+                yield np.array(rows), {"pixels": np.stack(pixels)}
+                rows, pixels = [], []
+    if rows:
+        yield np.array(rows), {"pixels": np.stack(pixels)}
+
+
+def embedding_column_with_nulls(features: np.ndarray, ok: np.ndarray) -> tuple[pa.Field, pa.Array]:
+    """An embedding column that is null where a row is not ok."""
+    field, array = schemas.embedding_column(features)
+    valid: Any = pa.py_buffer(np.packbits(ok, bitorder="little").tobytes())
+    nulls = int((~ok).sum())
+    array = pa.Array.from_buffers(
+        array.type, len(array), [valid if nulls else None, array.buffers()[1]], nulls
+    )
+    return field.with_nullable(True), array

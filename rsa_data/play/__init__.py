@@ -1,1 +1,0 @@
-"""A local page to try a head with pictures and sentences; see `rsa-data play`."""

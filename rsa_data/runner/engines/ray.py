@@ -1,0 +1,148 @@
+"""The Ray crew: actors on one machine or many, fed one part at a time.
+
+Ray only places and restarts; parts, receipts and retries are those of every engine. Ray Data is
+not used: rows here are part numbers, whose order and fate must be known.
+"""
+
+import os
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...registry import extras
+from ..stages import Job
+from . import ray_cluster
+from .pool import How, News, Task, attempt, portable
+
+
+class Actors:
+    """Stateful actors, each with the stage's model loaded once.
+
+    On a cluster every node must have this version of rsa-data, and see the work dir and the
+    dataset's root under the same path (or both in S3).
+    """
+
+    def __init__(self, job: Job, description: dict[str, Any], how: How):
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        with extras("--engine ray"):
+            import ray
+        self.ray = ray
+        self.joined = not ray.is_initialized()
+        if self.joined:
+            ray_cluster.connect(ray, job, how)
+        takes = ray_cluster.size(job, ray.nodes(), how.workers)
+        if "GPU" not in takes and job.options.get("device") == "auto":
+            # A node with a GPU may join later, and Ray hides GPUs only from those that have some.
+            job = replace(job, options={**job.options, "device": "cpu"})
+        self.given = (_absolute(job), description, how.memory)
+        self.watch = ray_cluster.Watch(ray, takes, self.joined and how.ray_address is None)
+        options: dict[str, Any] = {"max_restarts": 0, "max_task_retries": 0}
+        if how.memory is not None:
+            # Only then: beside a group, Ray no longer runs a worker's parts in its main thread.
+            options["concurrency_groups"] = {_BESIDE: 1}
+        self.actor: Any = ray.remote(
+            num_cpus=takes["CPU"], num_gpus=takes.get("GPU", 0), **options
+        )(_Worker)
+        self.doing: dict[Any, Any] = {}  # what is awaited -> the actor that does it
+        self.actors: set[Any] = set()
+        self.working: set[Any] = set()
+
+    def start(self) -> Any:
+        actor = self.actor.remote(*self.given)
+        self.doing[actor.begin.remote()] = actor
+        if self.given[-1] is not None:
+            self.doing[actor.over_memory.options(concurrency_group=_BESIDE).remote()] = actor
+        self.actors.add(actor)
+        return actor
+
+    def give(self, worker: Any, task: Task) -> None:
+        self.doing[worker.work.remote(task)] = worker
+        self.working.add(worker)
+
+    def news(self, seconds: float) -> list[News]:
+        ended, _ = self.ray.wait(list(self.doing), timeout=seconds)
+        self.watch.check(bool(self.working))
+        return [self._ended(reference) for reference in ended]
+
+    def stop(self) -> None:
+        self.watch.stop()
+        for actor in self.actors:
+            self.ray.kill(actor)
+        if self.joined:
+            ray_cluster.leave(self.ray)
+
+    def _ended(self, reference: Any) -> News:
+        worker = self.doing.pop(reference)
+        try:
+            kind, value = self.ray.get(reference)
+        except self.ray.exceptions.RayError as error:
+            kind, value = "died", _why(error)
+        if kind in ("died", "result"):
+            self.working.discard(worker)
+        if kind == "died":
+            self.actors.discard(worker)
+            self.doing = {waited: by for waited, by in self.doing.items() if by != worker}
+            self.ray.kill(worker)
+        return News(worker, kind, value)
+
+
+# The name of the calls that run beside a worker's parts.
+_BESIDE = "beside"
+
+# A worker over its memory ends itself after so long, in seconds, if nobody else does.
+_GRACE = 2.0
+
+
+def _why(error: Exception) -> str:
+    """What Ray knows of a death, in a sentence: the one with its reason, or its first."""
+    lines = str(error).strip().split("\n")
+    reason = next((line for line in lines if " because " in line), lines[0])
+    return f"ended: {type(error).__name__}: {reason.partition('. ')[0].rstrip('.')}"
+
+
+class _Worker:
+    """Runs in an actor's process."""
+
+    def __init__(self, job: Job, description: dict[str, Any], memory: int | None):
+        self.given = (job, description, memory)
+
+    def begin(self) -> tuple[str, Any]:
+        """Loads what the stage needs. Not in __init__, whose errors Ray tells as a death."""
+        from .. import parts
+
+        try:
+            self.step = parts.build_step(self.given[0])
+        except Exception as error:
+            return "broken", portable(error)
+        return "ready", None
+
+    def work(self, task: Task) -> tuple[str, Any]:
+        job, description, _ = self.given
+        return "result", attempt(job, self.step, description, task)
+
+    def over_memory(self) -> tuple[str, Any]:
+        """Ends when this process holds too much: Ray does not tell an exit status."""
+        from . import local
+
+        most = self.given[-1]
+        assert most is not None
+        try:
+            while local.anonymous_bytes() <= most:
+                time.sleep(0.05)
+        except Exception as error:
+            return "broken", portable(error)
+        threading.Timer(_GRACE, os._exit, (1,)).start()
+        return "died", local.held_more(most)
+
+
+def _absolute(job: Job) -> Job:
+    """The job with paths that do not depend on the folder a worker starts in."""
+    options = {
+        name: value.absolute() if isinstance(value, Path) else value
+        for name, value in job.options.items()
+    }
+    work = job.work if "://" in job.work else str(Path(job.work).absolute())
+    root = str(Path(job.root).absolute()) if job.root and "://" not in job.root else job.root
+    return replace(job, work=work, options=options, root=root)

@@ -1,0 +1,100 @@
+"""What a table follows from (options, model files, input parts), hence what is done and stale."""
+
+import hashlib
+import platform
+from functools import cache
+from importlib import import_module, metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..store import schemas
+from ..store.tables import fingerprint
+
+if TYPE_CHECKING:
+    from .stages import Job
+
+
+def describe(job: "Job") -> dict[str, Any]:
+    """table.json of the job's output: what made it, as far as it can change the content.
+
+    Model files are looked for (and fetched, where the registry knows how) and hashed here, before
+    any worker starts.
+    """
+    from .stages import STAGES, name_of
+
+    stage = STAGES[job.stage]
+    module = import_module(stage.module)
+    files = module.files(**job.options) if hasattr(module, "files") else {}
+    identity = {k: plain(v) for k, v in job.options.items() if k not in stage.local}
+    identity[stage.selector] = name_of(str(identity[stage.selector]))
+    # What else the content follows from, where a module has such: versions, vocabularies.
+    known = {"identity": module.identity(**job.options)} if hasattr(module, "identity") else {}
+    return {
+        **known,
+        "stage": job.stage,
+        "stage_version": stage.version,
+        "schema": stage.schema,
+        "schema_version": schemas.definition(stage.schema)["version"],
+        "options": identity,
+        "files": {name: file_sha256(str(path)) for name, path in files.items()},
+        "inputs": list(job.inputs),
+        "made_with": made_with(),
+    }
+
+
+def same(old: dict[str, Any], new: dict[str, Any]) -> bool:
+    """Whether two descriptions of a table promise the same content."""
+    return fingerprint({**old, "made_with": None}) == fingerprint({**new, "made_with": None})
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: paths become strings."""
+    return value if isinstance(value, (int, float, str, bool, type(None))) else str(value)
+
+
+@cache
+def file_sha256(path: str) -> str:
+    """sha256 of a file, read once a process."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@cache
+def made_with() -> dict[str, str]:
+    """Versions that can change bits, for information."""
+    names = ("rsa-data", "numpy", "onnxruntime", "opencv-python-headless", "pyarrow", "torch")
+    versions = {name: _version(name) for name in names}
+    return {"python": platform.python_version(), "machine": platform.machine(), **versions}
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def part_inputs(job: "Job", number: int) -> dict[str, str]:
+    """Digests of the content of a part's input parts."""
+    return {name: job.table(name).receipt(number)["digest"] for name in job.inputs}
+
+
+def part_fingerprint(description: dict[str, Any], inputs: dict[str, str]) -> str:
+    """What a part's content follows from: the table's description and its input parts' content."""
+    what = {key: value for key, value in description.items() if key != "made_with"}
+    return fingerprint({"table": what, "inputs": inputs})
+
+
+def pending(job: "Job", description: dict[str, Any], numbers: list[int]) -> tuple[list, list]:
+    """(parts to do, those of them that were done before from an input that has changed since)."""
+    output = job.table(job.output)
+    done = set(output.parts())
+    known = [number for number in numbers if number in done]
+    inputs = [job.table(name).receipts(known) for name in job.inputs]
+    stale = []
+    for receipt, *sources in zip(output.receipts(known), *inputs, strict=True):
+        digests = {n: of["digest"] for n, of in zip(job.inputs, sources, strict=True)}
+        if receipt["fingerprint"] != part_fingerprint(description, digests):
+            stale.append(receipt["part"])
+    again = set(stale)
+    return [n for n in numbers if n not in done or n in again], stale

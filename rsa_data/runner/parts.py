@@ -1,0 +1,111 @@
+"""Running a stage on one part: load the step, read, compute, account for every row, commit."""
+
+import json
+from importlib import import_module
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ..common import options
+from ..common.errors import RsaDataError, TransientError
+from ..datasets import index
+from ..datasets.roots import open_root
+from ..store.tables import Work
+from .fingerprints import part_fingerprint, part_inputs, same
+from .stages import STAGES, Job, Step
+
+
+def build_step(job: Job) -> Step:
+    """Loads what the stage needs; called once a worker."""
+    build = STAGES[job.stage].build
+    known = options.parameters(build)
+    given: dict[str, Any] = {}
+    if "dataset" in known:
+        given["dataset"] = index.load_dataset(Work(job.work), job.dataset)
+    if "root" in known:
+        given["root"] = open_root(job.root) if job.root else None
+    return build(**given, **job.options)
+
+
+def run_part(
+    job: Job, step: Step, description: dict[str, Any], number: int, *, redo: bool = False
+) -> dict[str, Any]:
+    """Reads the input parts, runs the step, accounts for every row, commits; gives the receipt.
+
+    redo : replace the part although it is there, made from the same input.
+
+    Raises TransientError when another run has changed an input part meanwhile.
+    """
+    stage, output = STAGES[job.stage], job.table(job.output)
+    receipts = {name: job.table(name).receipt(number) for name in job.inputs}
+    inputs = [
+        job.table(name).read(number, receipt=receipt, check=True)
+        for name, receipt in receipts.items()
+    ]
+    made = step(*inputs)
+    counts = account(inputs[0], made, stage.unit, f"{job.dataset}/{job.output} part {number}")
+    digests = {name: receipt["digest"] for name, receipt in receipts.items()}
+    if part_inputs(job, number) != digests or not same(output.description(), description):
+        raise TransientError(
+            f"{output}: another run changed the input or the options of part {number} meanwhile. "
+            "Let it end, then run the same command again"
+        )
+    return output.commit(
+        number,
+        made,
+        {
+            **counts,
+            **_measured(made),
+            "split": job.table("samples").receipt(number)["split"],
+            "inputs": digests,
+            "fingerprint": part_fingerprint(description, digests),
+        },
+        redo=redo,
+    )
+
+
+def _measured(made: pa.Table) -> dict[str, Any]:
+    """What a step measured of its own work: JSON under `audit` in its table's metadata."""
+    audit = (made.schema.metadata or {}).get(b"audit")
+    return {"audit": json.loads(audit)} if audit else {}
+
+
+def account(before: pa.Table, after: pa.Table, unit: str, where: str) -> dict[str, int]:
+    """ok, failed and skipped units of a part; they are all that came in, or RsaDataError.
+
+    A unit of `before` that did not end well there is skipped when `after` has no row for it.
+    """
+    came, went = pc.unique(before[unit]), pc.unique(after[unit])
+    if "status" in after.column_names:
+        status = after["status"]
+        failed = pc.sum(pc.equal(status, "failed"), min_count=0).as_py()
+        skipped = pc.sum(pc.equal(status, "skipped"), min_count=0).as_py()
+        ok = len(after) - failed - skipped
+    else:
+        ok, failed, skipped = len(went), 0, 0
+    if "status" in before.column_names:
+        gone = before.filter(pc.not_equal(before["status"], "ok"))[unit]
+        skipped += pc.sum(pc.invert(pc.is_in(gone, went)), min_count=0).as_py()
+    strangers = pc.sum(pc.invert(pc.is_in(went, came)), min_count=0).as_py()
+    if ok + failed + skipped != len(came) or strangers:
+        raise RsaDataError(
+            f"{where}: {len(came)} rows came in, but {ok} ok + {failed} failed + {skipped} skipped "
+            f"came out, {strangers} of them unknown: rows were lost or made up. Nothing was written"
+        )
+    return {"ok": ok, "failed": failed, "skipped": skipped}
+
+
+# Parts that notes look at, evenly over the table: enough for shares, cheap for any number.
+_NOTED = 20
+
+
+def notes(job: Job, numbers: list[int]) -> list[str]:
+    """What the stage's module has to say of the parts `numbers`: sentences for the summary."""
+    module = import_module(STAGES[job.stage].module)
+    if not numbers or not hasattr(module, "notes"):
+        return []
+    step = -(-len(numbers) // _NOTED)
+    made = (job.table(job.output).read(n, columns=module.NOTED) for n in numbers[::step])
+    inputs = [job.table(name).read(numbers[len(numbers) // 2]) for name in job.inputs]
+    return module.notes(made, *inputs, **job.options)

@@ -1,0 +1,247 @@
+"""One run of a row stage over one dataset: what is to do, doing it, and what came of it."""
+
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import PurePosixPath
+from typing import Any
+
+import pyarrow.compute as pc
+
+from ..common.errors import RsaDataError, TransientError, UsageError
+from ..store.logs import RunLog
+from ..store.tables import Work
+from . import fingerprints, limits, parts, stages
+from .engines import pool
+from .engines.pool import Result, Task
+from .stages import Job
+from .summary import Bar as Bar
+from .summary import Summary as Summary
+
+_HERE = pool.How()
+
+# So many parts may end in an error that nobody foresaw before the run stops: by then it is not
+# the part.
+_UNFORESEEN = 3
+
+
+def run(
+    job: Job,
+    *,
+    split: str | None = None,
+    part_range: tuple[int, int] | None = None,
+    engine: pool.How = _HERE,
+    start_over: bool = False,
+    redo_failed: bool = False,
+    max_failures: float | int | None = None,
+    bar: Callable[[str, int], Bar],
+) -> Summary:
+    """Brings the job's output up to date for the selected parts.
+
+    part_range : first and last part, last excluded. redo_failed : of the parts that are
+        there, those with failed rows and those out of date; no others.
+    max_failures : failed rows at which the run stops: a count (int), or a share of the rows of
+        this run (float, 0 to 1). bar : (title, total rows) -> something that shows progress.
+    """
+    begun = time.monotonic()
+    work, output = Work(job.work), job.table(job.output)
+    if start_over:
+        output.start_over()
+    numbers = select(work, job.dataset, split, part_range)
+    need_inputs(job, numbers)
+    description = fingerprints.describe(job)
+    output.bind(description)
+    stages.remember(job)
+    todo, stale = fingerprints.pending(job, description, numbers)
+    tasks = [Task(number) for number in todo]
+    if redo_failed:
+        done = set(output.parts())
+        numbers = [number for number in numbers if number in done]
+        tasks = [task for task in tasks if task.number in done]
+        again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
+        tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
+    came = job.table(job.inputs[0]).receipts(task.number for task in tasks)
+    sizes = {receipt["part"]: units(receipt) for receipt in came}
+    undone: dict[int, str] = {}
+    shown = bar(f"{job.dataset} {job.stage}", sum(sizes.values()))
+    with RunLog(work, job.dataset, job.output) as log:
+        if tasks:
+            log.write("begin", table=str(output), parts=len(tasks), rows=sum(sizes.values()))
+        try:
+            for result in _watched(job, description, tasks, engine, shown, sizes, max_failures):
+                _take_down(log, result, sizes[result.number])
+                if result.error is not None:
+                    undone[result.number] = _reason(result, undone, log)
+        finally:
+            shown.close()
+        output.manifest(work.table(job.dataset, "samples").parts())
+        if tasks:
+            log.write("end", done=len(tasks) - len(undone), undone=len(undone))
+    there = [n for n in numbers if n not in undone]
+    total, worked = Counter[str](), 0
+    for receipt in _accounted(job, there):
+        total.update({k: receipt[k] for k in ("rows", "ok", "failed", "skipped", "bytes")})
+        worked += units(receipt) if receipt["part"] in sizes else 0
+    return Summary(
+        output=str(output),
+        done=len(tasks) - len(undone),
+        kept=len(numbers) - len(tasks),
+        stale=len(stale),
+        undone=undone,
+        seconds=time.monotonic() - begun,
+        worked=worked,
+        reasons=reasons(job, there) if total["failed"] else [],
+        notes=parts.notes(job, there) if tasks else [],
+        **{k: total[k] for k in ("rows", "ok", "failed", "skipped", "bytes")},
+    )
+
+
+def need_inputs(job: Job, numbers: list[int]) -> None:
+    """Raises RsaDataError unless the index is finished and every input has these parts."""
+    if not job.table("samples").complete():
+        raise RsaDataError(
+            f"{job.table('samples')}: its index was stopped half-way. Finish it first: run the "
+            f"first stage of this dataset again, such as rsa-data captions --dataset {job.dataset}"
+        )
+    for name in job.inputs:
+        if missing := sorted(set(numbers) - set(job.table(name).parts())):
+            first = ", ".join(map(str, missing[:5])) + (" ..." if len(missing) > 5 else "")
+            raise RsaDataError(
+                f"{job.table(name)}: expected parts of this table first; {len(missing)} are not "
+                f"done: {first}. Run `rsa-data status` to see what to run"
+            )
+
+
+def _watched(
+    job: Job,
+    description: dict[str, Any],
+    tasks: list[Task],
+    engine: pool.How,
+    shown: Bar,
+    sizes: dict[int, int],
+    max_failures: float | int | None,
+) -> Any:
+    """The engine's results, held against the limits of a run, while the bar moves.
+
+    The bar follows what steps report, and each part's end.
+    """
+    reported = finished = 0
+
+    def on_rows(rows: int) -> None:
+        nonlocal reported
+        reported += rows
+        shown.update(rows)
+
+    if not tasks:
+        return
+    output = job.table(job.output)
+    left = {task.number for task in tasks}
+    ended: list[int] = []
+    failing: list[int] = []
+    failed = seen = 0
+    limits.check_space(job, output.parts(), left)
+    for result in pool.run(job, description, tasks, engine, on_rows):
+        left.discard(result.number)
+        finished += sizes[result.number]
+        if reported < finished:
+            on_rows(finished - reported)
+        yield result
+        if result.receipt is not None:
+            ended.append(result.number)
+            if result.receipt["failed"]:
+                failing.append(result.number)
+            failed += result.receipt["failed"]
+            seen += result.receipt["ok"] + result.receipt["failed"]
+            limits.check_failures(failed, seen, max_failures, lambda: reasons(job, failing))
+            if len(ended) & (len(ended) - 1) == 0:  # the 1st, 2nd, 4th, 8th ...: cheap, and early
+                limits.check_space(job, ended, left)
+
+
+def _take_down(log: RunLog, result: Result, rows: int) -> None:
+    what = {"part": result.number, "seconds": round(result.seconds, 3), "worker": result.worker}
+    if result.receipt is None:
+        log.write("undone", **what, error=str(result.error), trace=result.trace)
+    else:
+        counts = {k: result.receipt[k] for k in ("ok", "failed", "skipped", "bytes")}
+        log.write("part", **what, rows=rows, **counts)
+
+
+def _reason(result: Result, undone: dict[int, str], log: RunLog) -> str:
+    """Why a part stays undone; raises what ends the run."""
+    error = result.error
+    if isinstance(error, RsaDataError) and not isinstance(error, TransientError):
+        raise error
+    if result.trace:
+        unforeseen = sum(why.endswith(_SEE) for why in undone.values()) + 1
+        if unforeseen >= _UNFORESEEN:
+            raise RsaDataError(
+                f"{unforeseen} parts ended in errors that nobody foresaw; part {result.number}: "
+                f"{error}. Their traces are in {log.store.location}/{log.path}"
+            ) from error
+        return f"{error}{_SEE}"
+    return str(error)
+
+
+_SEE = " (an error nobody foresaw; its trace is in the log)"
+
+
+def units(receipt: dict[str, Any]) -> int:
+    """What came into a part, as its receipt counts it."""
+    return receipt["ok"] + receipt["failed"] + receipt["skipped"]
+
+
+def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
+    """The receipts of parts. Raises RsaDataError when rows of one are not accounted for.
+
+    Stages that count samples must have as many, ok + failed + skipped, as the index.
+    """
+    counts_samples = stages.STAGES[job.stage].unit == "sample_id"
+    samples = job.table("samples" if counts_samples else job.output).receipts(numbers)
+    for receipt, sample in zip(job.table(job.output).receipts(numbers), samples, strict=True):
+        if counts_samples and units(receipt) != sample["rows"]:
+            raise RsaDataError(
+                f"{job.table(job.output)}: part {receipt['part']}: expected {sample['rows']} "
+                f"samples accounted for, found {units(receipt)}. Delete its receipt to make it "
+                "again"
+            )
+        yield receipt
+
+
+def select(
+    work: Work, dataset: str, split: str | None, part_range: tuple[int, int] | None
+) -> list[int]:
+    """Part numbers of a dataset, of one split and range if asked for."""
+    samples = work.table(dataset, "samples")
+    numbers = samples.parts()
+    if split is not None:
+        splits = {receipt["part"]: receipt["split"] for receipt in samples.receipts(numbers)}
+        if split not in splits.values():
+            raise UsageError(
+                f"{dataset}: no split {split!r}; there are: {', '.join(sorted({*splits.values()}))}"
+            )
+        numbers = [n for n in numbers if splits[n] == split]
+    if part_range is not None:
+        numbers = [n for n in numbers if part_range[0] <= n < part_range[1]]
+    return numbers
+
+
+def reasons(job: Job, numbers: list[int], most: int = 3) -> list[tuple[str, int]]:
+    """The most frequent reasons of failed rows, with how often each occurs.
+
+    Reasons that differ by file name and numbers only count as one, told by its first row.
+    """
+    first: dict[str, str] = {}
+    counts: Counter[str] = Counter()
+    table = job.table(job.output)
+    for number in numbers:
+        if not table.receipt(number)["failed"]:
+            continue
+        part = table.read(number, columns=["sample_id", "status", "error"])
+        for row in part.filter(pc.equal(part["status"], "failed")).to_pylist():
+            name = PurePosixPath(row["sample_id"]).name
+            kind = re.sub(r"\d+", "0", re.sub(r"\S*" + re.escape(name) + r"\S*", "", row["error"]))
+            first.setdefault(kind, row["error"])
+            counts[kind] += 1
+    order = sorted(counts, key=lambda kind: (-counts[kind], first[kind]))
+    return [(first[kind], counts[kind]) for kind in order[:most]]

@@ -1,0 +1,114 @@
+"""The detect stage: samples -> what each image shows, by a model or from existing segments."""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from .. import registry
+from ..common import options
+from ..common.errors import UsageError
+from ..common.models import Device
+from ..datasets.dataset import Dataset
+from ..datasets.images import MAX_PIXELS
+
+Step = Callable[[pa.Table], pa.Table]
+
+DEFAULT = "detr-resnet-50-panoptic"
+
+
+def build(
+    *,
+    dataset: Dataset,
+    root: Path | None,
+    source: str = DEFAULT,
+    model: Path | None = None,
+    model_card: Path | None = None,
+    names: str | None = None,
+    score_threshold: float | None = None,
+    masks: bool = False,
+    features: str | None = None,
+    threads: int = 2,
+    batch: int = 1,
+    device: Device = "auto",
+    max_pixels: int = MAX_PIXELS,
+) -> Step:
+    """Detects objects, or imports segments that exist already.
+
+    Parameters
+    ----------
+    source : a model or importer of `rsa-data list segmenters`, importers as NAME:WHERE;
+        with a model card of your own, any name that its table shall have.
+    model : file of the model's weights, instead of the download.
+    model_card : TOML file that describes a model of your own.
+    names : class names of a label map or of detection results; a table of
+        `rsa-data list class-tables`, or a file with one name a line or TOML.
+    score_threshold : lowest score that is kept, instead of the model's own.
+    masks : keep each segment's mask as COCO run lengths.
+    features : output of the graph to keep one row of for each segment.
+    threads : images that the model runs on at the same time in each worker, each on one core;
+        what comes out does not depend on it.
+    batch : images in a run of the model, where it takes more than one.
+    device : where the model runs; auto takes CUDA where onnxruntime has it.
+    max_pixels : images with more pixels are refused, unread.
+    """
+    name, _, argument = source.partition(":")
+    _check_name(name, model_card)
+    given = {
+        "model": model,
+        "model_card": model_card,
+        "names": names,
+        "score_threshold": score_threshold,
+        "masks": masks,
+        "features": features,
+        "threads": threads,
+        "batch": batch,
+        "device": device,
+        "max_pixels": max_pixels,
+    }
+    builder = registry.resolve("segmenter", registry.SEGMENTERS, _entry(name, model_card))
+    known = options.parameters(builder)
+    usual = options.parameters(build)
+    for option, value in given.items():
+        if option not in known and value != usual[option].default:
+            raise UsageError(
+                f"segmenter {name}: the option {option} has no effect here; leave it out"
+            )
+    own = {option: value for option, value in given.items() if option in known}
+    return builder(name=name, argument=argument or None, dataset=dataset, root=root, **own)
+
+
+def files(
+    *,
+    source: str = DEFAULT,
+    model: Path | None = None,
+    model_card: Path | None = None,
+    **given: Any,
+) -> dict[str, Path]:
+    """The files whose bytes decide the segments: model and card, or what an importer reads whole.
+
+    May download the model. Raises RsaDataError, with the way out, when it cannot be had.
+    """
+    name, _, argument = source.partition(":")
+    _check_name(name, model_card)
+    target = registry.SEGMENTERS.get(_entry(name, model_card), "")
+    finder = getattr(import_module(target.partition(":")[0]), "files", None) if target else None
+    if finder is None:
+        return {}
+    given |= {"model": model, "model_card": model_card}
+    return finder(name=name, argument=argument or None, **given)
+
+
+def _check_name(name: str, model_card: Path | None) -> None:
+    """A model of one's own shall not fill the table of the default model by oversight."""
+    if model_card is not None and name == DEFAULT and model_card.stem != DEFAULT:
+        raise UsageError(
+            f"--model-card {model_card}: name its table, --source {model_card.stem} for instance"
+        )
+
+
+def _entry(name: str, model_card: Path | None) -> str:
+    # With a card of one's own any name will do: its builder is the one of the default model.
+    return DEFAULT if model_card is not None and name not in registry.SEGMENTERS else name

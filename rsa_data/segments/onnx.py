@@ -1,0 +1,157 @@
+"""The segmenter that runs an ONNX model: reading, inference and decoding overlap."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.models import Card, Device, card_of, card_path, local_file, read_card
+from ..common.prefetch import ahead, settled
+from ..common.progress import advance
+from ..datasets import images
+from ..datasets.dataset import Dataset
+from ..datasets.roots import readers
+from .graph import Detector, Prepared, class_table, load
+from .segments import Segments, to_table
+
+# Images read before the model asks for them: enough that it never waits for a slow one, few enough
+# that memory stays at some tens of images.
+_AHEAD = 8
+
+
+def build(
+    *,
+    name: str,
+    argument: str | None,
+    dataset: Dataset,
+    root: Path | None,
+    model: Path | None = None,
+    model_card: Path | None = None,
+    score_threshold: float | None = None,
+    masks: bool = False,
+    features: str | None = None,
+    threads: int = 2,
+    batch: int = 1,
+    device: Device = "auto",
+    max_pixels: int = images.MAX_PIXELS,
+) -> Callable[[pa.Table], pa.Table]:
+    """A step that reads each sample's image below `root` and detects what it shows; see detect."""
+    if argument is not None:
+        raise UsageError(f"segmenter {name}: takes no argument, found {argument!r}")
+    if root is None:
+        raise RsaDataError(
+            f"segmenter {name}: expected the dataset's images; found no folder of {dataset.name}. "
+            "Give --root DIR, or import segments that exist (rsa-data list segmenters)"
+        )
+    card = _card(name, model_card)
+    detector = load(
+        card,
+        local_file(card, model, "--model"),
+        table=class_table(card),
+        score_threshold=score_threshold,
+        device=device,
+        features=features,
+        with_masks=masks,
+    )
+    if batch > 1 and not detector.batches:
+        raise UsageError(f"segmenter {name}: its graph takes one image at a time, not {batch}")
+
+    def step(samples: pa.Table) -> pa.Table:
+        def read(path: str | None) -> Prepared:
+            if path is None:
+                raise RowError("no image is listed")
+            try:
+                return detector.prepare(images.read_image(root / path, max_pixels))
+            except RowError as error:
+                raise RowError(f"{path}: {error}") from error
+
+        paths = samples["image"].to_pylist()
+        found = detect(detector, read, paths, threads=threads, batch=batch, helpers=readers(root))
+        return to_table(samples["sample_id"].to_pylist(), found)
+
+    return step
+
+
+def files(
+    *, name: str, model: Path | None = None, model_card: Path | None = None, **_: Any
+) -> dict[str, Path]:
+    """The model's file, which may be downloaded here, what lies outside it, and its card."""
+    path = local_file(_card(name, model_card), model, "--model")
+    # The usual names of weights that an ONNX file leaves out: Hugging Face's, and torch's.
+    outside = {s: path.with_name(path.name + s) for s in ("_data", ".data")}
+    beside = {f"model{s}": data for s, data in outside.items() if data.is_file()}
+    return {"model": path, **beside, "card": model_card or card_path(name)}
+
+
+def _card(name: str, model_card: Path | None) -> Card:
+    return card_of("segments", name) if model_card is None else read_card(model_card)
+
+
+def detect(
+    detector: Detector,
+    read: Callable[[str | None], Prepared],
+    paths: list[str | None],
+    *,
+    threads: int = 1,
+    batch: int = 1,
+    helpers: int = 2,
+) -> Iterator[Segments | RowError]:
+    """What each image shows, in the order of `paths`, or the error that quarantines it.
+
+    Helpers read and decode while `threads` runs of the model go on, each on one core: that keeps
+    the cores busier than one run on all of them, and what comes out does not depend on `threads`.
+    What is in a batch follows from `paths` alone: consecutive good images of one tensor shape.
+    """
+    with ThreadPoolExecutor(helpers) as pool, ThreadPoolExecutor(threads) as runners:
+
+        def run(group: list[Prepared]) -> list[Future[Segments]]:
+            found = detector.run(group) if group else []
+            return [
+                pool.submit(detector.finish, outputs, geometry)
+                for outputs, (_, geometry) in zip(found, group, strict=True)
+            ]
+
+        # One entry a group of images: their places in it or their errors, and the run.
+        going: deque[tuple[list[int | RowError], Future[list[Future[Segments]]]]] = deque()
+        most = threads * batch + max(_AHEAD, helpers)
+        for places, group in _groups(ahead(pool, read, paths, most), batch):
+            going.append((places, runners.submit(run, group)))
+            if len(going) > 2 * threads:
+                yield from _results(*going.popleft())
+        for entry in going:
+            yield from _results(*entry)
+
+
+def _groups(
+    images: Iterable[Prepared | RowError], batch: int
+) -> Iterator[tuple[list[int | RowError], list[Prepared]]]:
+    """Up to `batch` consecutive images of one shape, with the errors that stood between them."""
+    places: list[int | RowError] = []
+    group: list[Prepared] = []
+    for image in images:
+        if isinstance(image, RowError):
+            places.append(image)
+            continue
+        if group and group[0][0].shape != image[0].shape:
+            yield places, group
+            places, group = [], []
+        places.append(len(group))
+        group.append(image)
+        if len(group) == batch:
+            yield places, group
+            places, group = [], []
+    if places:
+        yield places, group
+
+
+def _results(
+    places: list[int | RowError], run: Future[list[Future[Segments]]]
+) -> Iterator[Segments | RowError]:
+    found = run.result()
+    for place in places:
+        advance(1)
+        yield place if isinstance(place, RowError) else settled(found[place])

@@ -1,0 +1,1 @@
+"""Pictures of segments on images, depth, and predictions beside the ground truth."""

@@ -1,0 +1,132 @@
+"""What was run: the tables of each dataset, their options, versions, times and failures."""
+
+from collections import Counter
+from typing import Any
+
+import pyarrow.compute as pc
+
+from ...common.units import duration, size
+from ...runner.status import stale
+from ...store import logs
+from ...store.tables import Parts, Work
+from . import html
+from .html import Html, tag
+
+_REASONS, _NAMED = 8, 4
+# Failed parts looked into for reasons, a table; the counts themselves are of all parts.
+_LOOKED = 20
+
+
+def lineage(work: Work) -> Html:
+    """A section: a table of tables, each one's options to unfold, and what failed and why."""
+    rows: list[list[Any]] = []
+    details: list[Html] = []
+    failures: list[Html] = []
+    versions: dict[str, str] = {}
+    for dataset in work.datasets():
+        for name in work.tables(dataset):
+            table = work.table(dataset, name)
+            about = table.description()
+            receipts = [table.receipt(n) for n in table.parts()]
+            count = {k: sum(r[k] for r in receipts) for k in ("ok", "failed", "skipped", "bytes")}
+            rate, seconds = _times(work, dataset, name)
+            rows.append(
+                [
+                    dataset,
+                    name,
+                    ", ".join(about["inputs"]) or "files",
+                    *(f"{count[k]:,}" for k in ("ok", "failed", "skipped")),
+                    size(count["bytes"]),
+                    duration(seconds) if seconds is not None else "",
+                    f"{rate:,.1f}" if rate else "",
+                    stale(work, table) or "up to date",
+                ]
+            )
+            versions |= about.get("made_with", {})
+            details.append(_options(f"{dataset} / {name}", about))
+            if count["failed"] or count["skipped"]:
+                failures.append(_reasons(table, receipts))
+    header = ["dataset", "table", "made from", "rows ok", "failed", "skipped", "size",
+              "workers' time", "rows/s", "state"]  # fmt: skip
+    details += [_options(f"head {h}", head_description(work, h)) for h in head_names(work)]
+    made = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return tag(
+        "section",
+        tag("h2", "What was run"),
+        html.table(header, rows, "Tables, in the order of their names"),
+        tag("p", "Made with ", made or "versions that the tables do not tell", "."),
+        tag("h3", "Options"),
+        details,
+        tag("h3", "Failures"),
+        failures or tag("p", "Nothing failed, nothing was skipped."),
+        id="run",
+    )
+
+
+def head_names(work: Work) -> list[str]:
+    """Heads of the work dir that are complete."""
+    names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
+    return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
+
+
+def head_description(work: Work, name: str) -> dict[str, Any]:
+    """head.json."""
+    import json
+
+    return json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
+
+
+def _times(work: Work, dataset: str, name: str) -> tuple[float | None, float | None]:
+    """Rows a second of the last run over a table, and the seconds that its workers took."""
+    events = logs.last_run(work, dataset, name)
+    parts = [event for event in events if event["event"] == "part"]
+    return logs.rate(events), sum(event["seconds"] for event in parts) if parts else None
+
+
+def _options(title: str, about: dict[str, Any]) -> Html:
+    told = dict(about.get("options", {}))
+    told |= {f"file: {name}": f"sha256 {sha[:16]}…" for name, sha in about.get("files", {}).items()}
+    for key in ("schema_version", "stage_version", "parameters", "epochs_run"):
+        if key in about:
+            told[key.replace("_", " ")] = about[key]
+    items = [(tag("dt", key), tag("dd", html.value(value))) for key, value in told.items()]
+    return tag("details", tag("summary", title), tag("dl", items))
+
+
+def _reasons(table: Parts, receipts: list[dict[str, Any]]) -> Html:
+    """Why rows failed or were skipped, how often, and the first samples of each reason."""
+    if "error" not in _columns(table):
+        skipped = sum(r["skipped"] for r in receipts)
+        return tag("p", tag("strong", table.path), f": {skipped:,} rows skipped, as their input "
+                   "did not end well.")  # fmt: skip
+    bad = [r["part"] for r in receipts if r["failed"] or r["skipped"]]
+    counted: Counter[str] = Counter()
+    named: dict[str, list[str]] = {}
+    for number in bad[:: -(-len(bad) // _LOOKED)]:
+        rows = table.read(number, ["sample_id", "status", "error"])
+        rows = rows.filter(pc.not_equal(rows["status"], "ok"))
+        for row in rows.to_pylist():
+            reason = f"{row['status']}: {_without(row['error'] or '', row['sample_id'])}"
+            counted[reason] += 1
+            named.setdefault(reason, []).append(row["sample_id"])
+    shown = [
+        [reason, f"{count:,}", ", ".join(named[reason][:_NAMED])]
+        for reason, count in counted.most_common(_REASONS)
+    ]
+    if len(counted) > _REASONS:
+        rest = sum(counted.values()) - sum(c for _, c in counted.most_common(_REASONS))
+        shown.append([f"{len(counted) - _REASONS} other reasons", f"{rest:,}", ""])
+    return html.table(["reason", "times", "for example"], shown, table.path)
+
+
+def _columns(table: Parts) -> list[str]:
+    from ...store import schemas
+
+    return schemas.schema(table.description()["schema"]).names
+
+
+def _without(error: str, sample_id: str) -> str:
+    """An error without the name of its file, so that equal reasons count together."""
+    stem = sample_id.rpartition("/")[2]
+    head, colon, tail = error.partition(": ")
+    return tail if colon and stem in head else error

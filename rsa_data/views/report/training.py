@@ -1,0 +1,164 @@
+"""How heads were trained and how they did: curves, and evaluations beside the paper's numbers."""
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from ...common.errors import RsaDataError
+from ...evaluation.paper import paper_rows
+from ...store.tables import Work
+from . import html, plots
+from .html import Html, tag
+from .lineage import head_description, head_names
+
+_METRICS = {
+    "delta1": "δ1 ↑ (share)",
+    "abs_rel": "AbsRel ↓",
+    "rmse": "RMSE ↓ (m)",
+    "log10": "log10 ↓",
+    "silog": "SILog ↓",
+}
+
+
+def heads(work: Work) -> Html:
+    """A section: for each head its curves, and a table for each protocol it was measured under."""
+    found = [_head(work, name) for name in head_names(work)] + _comparisons(work)
+    nothing = tag("p", "There is no head in this work dir yet.")
+    return tag("section", tag("h2", "Heads"), found or nothing, id="heads")
+
+
+def _head(work: Work, name: str) -> Html:
+    about = head_description(work, name)
+    architecture = about.get("architecture", {}).get("name", "?")
+    features = about.get("features", {})
+    told = (
+        f"{architecture}, {about.get('parameters', 0):,} parameters, on "
+        f"{features.get('style')} captions by {features.get('encoder')}; relative depth of "
+        f"{about.get('depth_model', {}).get('model')}."
+    )
+    notes = [
+        tag("li", f"{dataset}: {facts.get('images', 0):,} images for training, "
+            f"{facts.get('validation_images', 0):,} for validation ({facts.get('validation')}).")
+        for dataset, facts in about.get("datasets", {}).items()
+    ]  # fmt: skip
+    return tag(
+        "article", tag("h3", f"Head {name}"), tag("p", told), tag("ul", notes) if notes else "",
+        tag("div", _curves(work, name), class_="plots"), _evaluations(work, name),
+    )  # fmt: skip
+
+
+def _curves(work: Work, name: str) -> list[Html]:
+    path = f"heads/{name}/history.parquet"
+    if work.store.size(path) is None:
+        return []
+    with work.store.open(path) as file:
+        rows = pq.read_table(file).to_pylist()
+    if not rows:
+        return []
+    loss = {row["epoch"]: row["train_loss"] for row in rows}
+    errors: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        errors.setdefault(row["dataset"], []).append((row["epoch"], row["val_abs_rel"]))
+    best = next((row["epoch"] for row in rows if row["best"]), None)
+    kept = f"; the weights of epoch {best} were kept" if best else ""
+    return [
+        plots.lines(f"Head {name}: AbsRel on validation images{kept}", errors, "epoch",
+                  "AbsRel (no unit)"),
+        plots.lines(f"Head {name}: loss on training images",
+                  {"all datasets": list(loss.items())}, "epoch", _loss_unit(work, name)),
+    ]  # fmt: skip
+
+
+def _loss_unit(work: Work, name: str) -> str:
+    options = head_description(work, name).get("options", {})
+    unit = "m" if options.get("units") == "metres" else "share of mean depth"
+    return f"{options.get('loss', 'loss')} of {options.get('supervision', 'depth')} ({unit})"
+
+
+def _evaluations(work: Work, name: str) -> list[Html]:
+    found = []
+    kinds = {
+        "evaluation": "on test images; 95% intervals in brackets",
+        "robustness": "with descriptions that are wrong or poor",
+    }
+    for kind, what in kinds.items():
+        for folder in work.store.list(f"heads/{name}/{kind}"):
+            protocol = folder.rstrip("/")
+            rows = _rows(work, f"heads/{name}/{kind}/{protocol}")
+            theirs, said = _paper(work, name, protocol, rows) if kind == "evaluation" else ([], [])
+            found += _measured(f"Head {name} {what}, protocol {protocol}", rows, theirs, said)
+    return found
+
+
+def _comparisons(work: Work) -> list[Html]:
+    """Tables of `rsa-data compare`: heads on other inputs, and controls."""
+    names = [folder.rstrip("/") for folder in work.store.list("comparisons")]
+    found = [
+        part
+        for name in names
+        for part in _measured(
+            f"Comparison {name}: inputs and controls", _rows(work, f"comparisons/{name}")
+        )
+    ]
+    return [tag("h3", "Comparisons"), *found] if found else []
+
+
+def _rows(work: Work, folder: str) -> list[dict[str, str]]:
+    data = work.store.read(f"{folder}/summary.csv")
+    return [] if data is None else list(csv.DictReader(io.StringIO(data.decode())))
+
+
+def _measured(
+    title: str,
+    rows: list[dict[str, str]],
+    others: Sequence[list[Any]] = (),
+    said: Sequence[str] = (),
+) -> list[Html]:
+    """A table of measures, datasets together; nothing where there are no rows."""
+    if not rows:
+        return []
+    shown = [*map(_cells, rows), *others]
+    order = list(dict.fromkeys(row[0] for row in shown))
+    shown.sort(key=lambda row: order.index(row[0]))
+    header = ["dataset", "method", "images", *_METRICS.values()]
+    notes = [tag("p", line, class_="note") for line in said]
+    return [tag("div", html.table(header, shown, title), notes)]
+
+
+def _cells(row: dict[str, str]) -> list[str]:
+    cells = [row["dataset"], row["method"], row["images"]]
+    for metric in _METRICS:
+        cell = f"{float(row[metric]):.3f}" if row.get(metric) else "-"
+        if metric == "abs_rel" and row.get("abs_rel_low"):
+            cell += f" [{float(row['abs_rel_low']):.3f}, {float(row['abs_rel_high']):.3f}]"
+        cells.append(cell)
+    return cells
+
+
+def _paper(
+    work: Work, name: str, protocol: str, rows: list[dict[str, str]]
+) -> tuple[list[list[Any]], list[str]]:
+    """The paper's rows that hold under the same conditions, and why others do not stand here."""
+    if any(row["method"].startswith("paper:") for row in rows):
+        return [], []
+    found: list[list[Any]] = []
+    said: list[str] = []
+    for dataset in dict.fromkeys(row["dataset"] for row in rows):
+        model = head_description(work, name).get("depth_model", {}).get("model")
+        try:
+            options = work.table(dataset, f"depth/{model}").description()["options"]
+            kind = work.table(dataset, "samples").description()["options"]["dataset"]
+        except (RsaDataError, KeyError):
+            continue
+        theirs, notes = paper_rows(
+            dataset, kind, split="test", protocol=protocol, model=str(model), options=options,
+            images=max(int(row["images"]) for row in rows if row["dataset"] == dataset),
+        )  # fmt: skip
+        said += notes
+        for row in theirs:
+            cells = [f"{row.mean[m]:.3f}" if m in row.mean else "-" for m in _METRICS]
+            found.append([row.dataset, row.method, row.images, *cells])
+    return found, said

@@ -1,0 +1,352 @@
+"""The depth stage: sources of y, sampling, fits, quarantined rows."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pytest
+import scipy.stats
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rsa_data.common.errors import RowError, RsaDataError, UsageError
+from rsa_data.datasets.dataset import Dataset
+from rsa_data.depth import files, fits, onnx, pixels
+from rsa_data.depth.measure import at_size, build
+from rsa_data.depth.measure import files as model_files
+from rsa_data.depth.model import Relative
+from rsa_data.runner import stages
+from rsa_data.store import schemas
+
+
+def read_millimetres(path):
+    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if values is None:
+        raise RowError("not a readable PNG")
+    return values.astype(np.float32) / 1000
+
+
+ROOMS = Dataset("rooms", lambda root, split: None, read_millimetres, min_depth=1e-3, max_depth=10.0)
+
+
+def samples(*rows):
+    """(key, split, image, depth) -> samples."""
+    n = len(rows)
+    blank = ("width", "height", "fx", "fy", "cx", "cy")
+    columns = {
+        "sample_id": [f"rooms/{split}/{key}" for key, split, _, _ in rows],
+        "dataset": ["rooms"] * n,
+        "split": [row[1] for row in rows],
+        "scene": ["a"] * n,
+        "image": [row[2] for row in rows],
+        "depth": [row[3] for row in rows],
+    }
+    return schemas.from_columns("samples", columns | {name: [None] * n for name in blank})
+
+
+@pytest.fixture
+def rooms(tmp_path):
+    """Two frames of 8 x 6 px whose y is exactly (1 / depth - 0.1) / 0.5, three times smaller."""
+    rng = np.random.default_rng(0)
+    (tmp_path / "y").mkdir()
+    for name in ("a", "b"):
+        depth = rng.integers(1000, 9000, (6, 8)).astype(np.uint16)
+        depth[0] = 0
+        cv2.imwrite(str(tmp_path / f"{name}.depth.png"), depth)
+        (tmp_path / f"{name}.jpg").write_bytes(b"the files source never opens it")
+        with np.errstate(divide="ignore"):
+            np.save(tmp_path / "y" / f"{name}.npy", (1000 / depth.astype(np.float64) - 0.1) / 0.5)
+        y = np.load(tmp_path / "y" / f"{name}.npy")
+        y[0] = np.nan
+        np.save(tmp_path / "y" / f"{name}.npy", y)
+    return tmp_path
+
+
+def step(root, **options):
+    return build(dataset=ROOMS, root=root, depth_model=f"files:{root}/y", **options)
+
+
+def test_training_pixels_and_whole_test_maps(rooms):
+    rows = samples(
+        ("a", "train", "a.jpg", "a.depth.png"),
+        ("b", "test", "b.jpg", "b.depth.png"),
+        ("c", "train", "c.jpg", None),
+    )
+    table = step(rooms, pixels=64)(rows)
+    schemas.check("depth", table)
+    train, test, none = table.to_pylist()
+
+    assert none["status"] == "skipped"
+    assert (train["status"], train["kind"], train["n_valid"], train["repeated"]) == (
+        "ok",
+        "pixels",
+        40,
+        True,
+    )
+    y, metric = (np.frombuffer(train[c], "<f2").astype(float) for c in ("relative", "metric"))
+    assert len(y) == len(metric) == 64
+    assert len(np.unique(np.stack([y, metric]), axis=1)[0]) == 40
+    np.testing.assert_allclose(1 / (0.5 * y + 0.1), metric, rtol=2e-3)
+
+    assert (test["kind"], test["width"], test["height"]) == ("map", 8, 6)
+    stored = np.frombuffer(test["metric"], "<f2").reshape(6, 8)
+    np.testing.assert_array_equal(
+        stored, read_millimetres(rooms / "b.depth.png").astype(np.float16)
+    )
+    assert test["fit_scale"] == pytest.approx(0.5, abs=1e-6)
+    assert test["fit_shift"] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_rows_do_not_depend_on_their_neighbours(rooms):
+    a, b = (("a", "train", "a.jpg", "a.depth.png"), ("b", "train", "b.jpg", "b.depth.png"))
+    run = step(rooms, pixels=16)
+    both = run(samples(a, b))
+    assert both.equals(pa.concat_tables([run(samples(a)), run(samples(b))]))
+    assert not both.equals(step(rooms, pixels=16, seed=1)(samples(a, b)))
+
+
+def broken_depth(root):
+    (root / "a.depth.png").write_bytes(b"\x89PNG")
+
+
+def no_valid_depth(root):
+    cv2.imwrite(str(root / "a.depth.png"), np.zeros((6, 8), np.uint16))
+
+
+def no_relative(root):
+    (root / "y" / "a.npy").unlink()
+
+
+def truncated_relative(root):
+    data = (root / "y" / "a.npy").read_bytes()
+    (root / "y" / "a.npy").write_bytes(data[:-9])
+
+
+def too_large_for_float16(root):
+    np.save(root / "y" / "a.npy", np.full((6, 8), 1e6))
+
+
+def infinite(root):
+    np.save(root / "y" / "a.npy", np.full((6, 8), np.inf, np.float32))
+
+
+def of_three_channels(root):
+    np.save(root / "y" / "a.npy", np.ones((6, 8, 3)))
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (broken_depth, "a.depth.png: not a readable PNG"),
+        (no_valid_depth, "no valid pixel"),
+        (no_relative, "a: expected a map in a.npy or .png; found neither"),
+        (truncated_relative, "a.npy: not a readable .npy array"),
+        (too_large_for_float16, "too large for float16"),
+        (infinite, "too large for float16"),
+        (of_three_channels, "found float64 of shape (6, 8, 3)"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_a_bad_row_is_quarantined_with_its_reason(rooms, damage, says):
+    damage(rooms)
+    rows = (("a", "train", "a.jpg", "a.depth.png"), ("b", "train", "b.jpg", "b.depth.png"))
+    table = step(rooms)(samples(*rows))
+    schemas.check("depth", table)
+    assert table["status"].to_pylist() == ["failed", "ok"]
+    error = table["error"][0].as_py()
+    assert says in error
+    assert str(rooms) not in error
+
+
+def test_nan_in_the_ground_truth_is_not_valid(rooms):
+    depth = np.full((6, 8), np.nan, np.float32)
+    depth[1, 1:4] = 2, 3, np.inf
+    dataset = replace(ROOMS, read_depth=lambda path: depth)
+    made = build(dataset=dataset, root=rooms, depth_model=f"files:{rooms}/y", pixels=8)
+    row = made(samples(("a", "train", "a.jpg", "x"))).to_pylist()[0]
+    assert (row["status"], row["n_valid"]) == ("ok", 2)
+
+
+def test_the_training_mask_applies(rooms):
+    mask = np.zeros((6, 8), bool)
+    mask[2, 3:5] = True
+    dataset = replace(ROOMS, train_mask=lambda height, width: mask)
+    made = build(dataset=dataset, root=rooms, depth_model=f"files:{rooms}/y", pixels=2)
+    row = made(samples(("a", "train", "a.jpg", "a.depth.png"))).to_pylist()[0]
+    truth = read_millimetres(rooms / "a.depth.png")[2, 3:5].astype(np.float16)
+    assert set(np.frombuffer(row["metric"], "<f2")) == set(truth)
+
+
+def test_the_dataset_brings_its_own_relative_depth(rooms):
+    dataset = replace(ROOMS, relative=lambda image: f"y/{image.removesuffix('.jpg')}.npy")
+    row = ("a", "train", "a.jpg", "a.depth.png")
+    own = build(dataset=dataset, root=rooms, depth_model="files")(samples(row))
+    assert own.equals(step(rooms)(samples(row)))
+    with pytest.raises(UsageError, match="files:DIR"):
+        build(dataset=ROOMS, root=rooms, depth_model="files")
+
+
+@pytest.mark.parametrize("holds", ["relative", "depth"])
+def test_files_of_16_bits(tmp_path, holds):
+    values = np.array([[0, 1000], [2000, 65535]], np.uint16)
+    cv2.imwrite(str(tmp_path / "x.png"), values)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(values > 0, 1000 / values.astype(np.float64), np.nan)
+    expected = values / 65535 if holds == "relative" else inverse
+    np.testing.assert_allclose(files.read(tmp_path, "x", holds).y, expected, rtol=1e-6)
+
+
+def test_files_of_8_bits_are_refused(tmp_path):
+    cv2.imwrite(str(tmp_path / "x.png"), np.zeros((4, 4, 3), np.uint8))
+    with pytest.raises(RowError, match="one channel of 16 bits; found 3 of 8 bits"):
+        files.read(tmp_path, "x")
+
+
+@given(st.integers(1, 300), st.integers(1, 300), st.integers(0, 9), st.text(max_size=9))
+def test_draw_takes_each_number_once_before_any_twice(n, k, seed, sample_id):
+    drawn = pixels.draw(n, k, seed, sample_id)
+    counts = np.bincount(drawn, minlength=n)
+    assert len(drawn) == k
+    assert counts.max() - counts.min() <= 1
+    assert np.array_equal(drawn, pixels.draw(n, k, seed, sample_id))
+    if k <= n:  # the first few are what a smaller draw gives
+        assert np.array_equal(drawn[: k // 2 + 1], pixels.draw(n, k // 2 + 1, seed, sample_id))
+
+
+def test_draw_is_uniform():
+    counts = sum(np.bincount(pixels.draw(50, 10, 0, str(i)), minlength=50) for i in range(2000))
+    assert scipy.stats.chisquare(counts).pvalue > 1e-3
+
+
+@given(st.integers(0, 2**32))
+def test_inverse_fit_equals_scipy(seed):
+    rng = np.random.default_rng(seed)
+    y, depth = rng.normal(5, 2, 60), rng.uniform(0.5, 80, 60)
+    slope, intercept, *_ = scipy.stats.linregress(y, 1 / depth)
+    assert fits.inverse_fit(y, depth) == pytest.approx((slope, intercept), rel=1e-9, abs=1e-12)
+
+
+def test_fits_that_are_left_open():
+    assert fits.inverse_fit(np.ones(5), np.arange(1, 6)) is None
+    assert fits.median_scale(np.array([-1.0, 0.0]), np.ones(2)) is None
+    assert fits.median_scale(np.array([-1.0, 2.0, 4.0]), np.array([9, 1.0, 3.0])) == 2 / 0.375
+
+
+def test_at_size_is_bicubic_inside_the_box_and_nan_outside():
+    y = np.random.default_rng(0).random((5, 5)).astype(np.float32)
+    whole = at_size(Relative(y, (0.25, 0.1, 0.75, 0.9)), 20, 40)
+    inside = cv2.resize(y, (20, 16), interpolation=cv2.INTER_CUBIC)
+    np.testing.assert_array_equal(whole[2:18, 10:30], inside)
+    assert np.isnan(whole).sum() == 20 * 40 - 20 * 16
+    assert at_size(Relative(y), 5, 5) is y
+
+
+@pytest.mark.parametrize(
+    ("card", "shape", "seen", "part"),
+    [
+        ({"resize": "squash", "width": 256, "height": 256}, (480, 640), (256, 256), (0, 0, 1, 1)),
+        # Sizes that DPTImageProcessor of transformers gives, see the test below.
+        (
+            {"resize": "keep-aspect", "size": 518, "multiple": 14},
+            (480, 640),
+            (518, 686),
+            (0, 0, 1, 1),
+        ),
+        (
+            {"resize": "centre-crop", "short": 240, "size": 224},
+            (480, 640),
+            (224, 224),
+            (0.15, 1 / 30, 0.85, 29 / 30),
+        ),
+    ],
+    ids=["squash", "keep-aspect", "centre-crop"],
+)
+def test_what_the_model_sees(card, shape, seen, part):
+    image = np.zeros((*shape, 3), np.uint8)
+    found, box = onnx.RESIZES[card["resize"]](card)(image)
+    assert found.shape == (*seen, 3)
+    assert box == pytest.approx(part)
+
+
+@pytest.mark.parametrize("shape", [(480, 640), (375, 1242), (1216, 1936), (640, 480), (100, 90)])
+def test_keep_aspect_sizes_equal_transformers(shape):
+    dpt = pytest.importorskip("transformers.models.dpt.image_processing_pil_dpt")
+    size = dpt.get_resize_output_image_size(np.zeros((3, *shape)), (518, 518), True, 14)
+    card = {"size": 518, "multiple": 14}
+    found, _ = onnx.RESIZES["keep-aspect"](card)(np.zeros((*shape, 3), np.uint8))
+    assert found.shape[:2] == (size["height"], size["width"])
+
+
+def test_kittis_crop_and_a_crop_inside_it():
+    box = onnx.kb_box(375, 1242)
+    assert onnx.cut(np.zeros((375, 1242, 3)), box).shape == (352, 1216, 3)
+    assert onnx.inside(box, (0, 0, 1, 1)) == pytest.approx(box)
+    assert onnx.inside((0.5, 0, 1, 1), (0.5, 0.5, 1, 1)) == (0.75, 0.5, 1, 1)
+    with pytest.raises(RowError, match="at least 1216x352"):
+        onnx.kb_box(300, 1242)
+
+
+@pytest.mark.parametrize("text", ["434", "x", "0x4", "4x4x4"])
+def test_a_bad_geometry_is_refused(text):
+    with pytest.raises(UsageError, match="WIDTHxHEIGHT"):
+        onnx.fixed(text)
+
+
+def test_a_real_model_on_real_frames(shared):
+    """y covers the model's centre crop; its fit is that of the map stored for the test split."""
+    root = shared / "rgbd" / "7scenes"
+    weights = shared / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx"
+    made = build(dataset=ROOMS, root=root, depth_model="tu2020", weights=weights)
+    frame = ("frame-000500.color.jpg", "frame-000500.depth.png")
+    train, test = made(samples(("a", "train", *frame), ("a", "test", *frame))).to_pylist()
+    y, gt = (
+        np.frombuffer(test[c], "<f2").reshape(480, 640).astype(float)
+        for c in ("relative", "metric")
+    )
+    valid = ~np.isnan(y) & (gt > 1e-3) & (gt < 10)
+    assert valid[:, :96].sum() == valid[:, 544:].sum() == 0
+    assert train["n_valid"] == test["n_valid"] == valid.sum() > 150_000
+    slope, intercept, *_ = scipy.stats.linregress(y[valid], 1 / gt[valid])
+    assert (train["fit_scale"], train["fit_shift"]) == pytest.approx((slope, intercept), rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"depth_model": "tu2021"}, "Did you mean 'tu2020'"),
+        ({"depth_model": "tu2020:x"}, "takes no argument"),
+        ({"depth_model": "tu2020", "geometry": "12"}, "WIDTHxHEIGHT"),
+        ({"depth_model": "files:/no/such/folder"}, "no such folder"),
+    ],
+    ids=["name", "argument", "geometry", "folder"],
+)
+def test_a_wrong_call_is_refused_before_anything_is_begun(options, says):
+    with pytest.raises(UsageError, match=says):
+        model_files(**options)
+
+
+def test_no_pixels_are_refused(rooms):
+    with pytest.raises(UsageError, match="pixels"):
+        step(rooms, pixels=0)
+
+
+@pytest.mark.parametrize(
+    ("output", "says"),
+    [(np.zeros((1, 3549, 85)), "one map of depth"), (None, "Is --weights the file")],
+    ids=["another output", "another input"],
+)
+def test_a_file_of_another_model_is_refused(output, says):
+    class Session:
+        def run(self, names, inputs):
+            if output is None:
+                raise RuntimeError("INVALID_ARGUMENT: Got 224 Expected 416")
+            return [output]
+
+    with pytest.raises(RsaDataError, match=says):
+        onnx.answer(Session(), "x", np.zeros((1, 3, 224, 224), np.float32), "tu2020")
+
+
+def test_folders_of_depth_files_are_tables_of_their_own():
+    assert stages.name_of("files") == "files"
+    assert stages.name_of("files:a/zoe/") == "files-zoe"

@@ -1,0 +1,224 @@
+"""evaluate: every image and method accounted for, and the numbers those of the definitions."""
+
+import io
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from made_tables import write
+
+from rsa_data import ScaleHead, depth_errors
+from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.evaluation import setting
+from rsa_data.evaluation.evaluate import evaluate
+from rsa_data.evaluation.metrics import METRICS
+from rsa_data.evaluation.summary import interval
+from rsa_data.heads.train.train_head import train_head
+from rsa_data.store.tables import Work
+
+SIZE = (6, 8)
+
+
+def images(work: Work, dataset: str, n: int, split: str, first_part: int = 0, **more):
+    """n images of 4 kinds of room, whose words tell scale and shift; y and depth of 48 pixels."""
+    rng = np.random.default_rng(n)
+    kind = np.arange(n) % 4
+    vectors = {f"a {k}": np.eye(4, 16)[k].astype(np.float16) for k in range(4)}
+    scale, shift = 0.05 * (1 + kind), 0.1 + 0.05 * kind
+    y = rng.uniform(0, 10, (n, 48))
+    depth = 1 / (scale[:, None] * y + shift[:, None])
+    if split == "test":
+        depth[:, 0] = 0
+    arrays = {
+        "scenes": [f"{split} {i // 4}" for i in range(n)],
+        "texts": [[f"a {k}", f"a {(k + 1) % 4}"] for k in kind],
+        "features": vectors,
+        "relative": y,
+        "metric": depth,
+        "split": split,
+        "first_part": first_part,
+        "size": SIZE if split == "test" else None,
+    }
+    write(work, dataset, **arrays | more)
+
+
+FAST = {"batch": 8, "pixels": 48, "validation": 0.2, "threads": 1}
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    work = Work(tmp_path_factory.mktemp("work"))
+    images(work, "nyuv2", 64, "train")
+    images(work, "nyuv2", 16, "test", first_part=1)
+    train_head(work, epochs=10, **FAST)
+    return work.store.location
+
+
+@pytest.fixture
+def work(trained, tmp_path) -> Work:
+    shutil.copytree(trained, tmp_path / "work")
+    return Work(tmp_path / "work")
+
+
+def maps(work: Work, dataset: str, part: int):
+    table = work.table(dataset, "depth/files").read(part)
+    for row in table.to_pylist():
+        yield tuple(
+            np.frombuffer(row[c], "<f2").reshape(SIZE).astype(float) for c in ("relative", "metric")
+        )
+
+
+def test_every_row_equals_depth_errors_of_its_scale_and_shift(work):
+    found = evaluate(work)
+    frame = found.table.to_pandas()
+    assert list(frame["method"].unique()) == [
+        "head",
+        "constant",
+        "constant (L1)",
+        "median",
+        "linear fit",
+        "linear fit in depth",
+    ]
+    assert set(frame["status"]) == {"ok"}
+    assert set(frame["n_valid"]) == {47}
+    for _, rows in frame.groupby("method", sort=False):
+        assert len(rows) == 16
+        for (y, gt), row in zip(maps(work, "nyuv2", 1), rows.to_dict("records"), strict=True):
+            pred = 1 / (row["scale"] * y + row["shift"])
+            expected = depth_errors(gt, pred, min_depth=1e-3, max_depth=10.0)
+            assert {m: row[m] for m in METRICS} == pytest.approx(expected, abs=1e-9)
+
+    means = frame.groupby("method")[list(METRICS)].mean()
+    for row in found.rows:
+        assert row.mean == pytest.approx(means.loc[row.method].to_dict())
+        assert row.low["abs_rel"] <= row.mean["abs_rel"] <= row.high["abs_rel"]
+    error = means["abs_rel"]
+    assert error["linear fit"] < error["head"] < 0.9 * error["constant"]
+
+
+def test_it_is_written_and_the_same_again(work):
+    first = evaluate(work)
+    read = work.store.read
+    files = {n: read(f"{first.folder}/{n}") for n in work.store.list(first.folder)}
+    summaries = {f"summary.{e}" for e in ("md", "tex", "csv", "txt")}
+    assert set(files) == {"metrics.parquet", "by_description.csv", *summaries}
+    again = evaluate(work)
+    assert files == {n: read(f"{again.folder}/{n}") for n in files}
+    assert pq.read_table(io.BytesIO(files["metrics.parquet"])).equals(first.table)
+    csv = pd.read_csv(io.BytesIO(files["summary.csv"]))
+    by = pd.read_csv(io.BytesIO(files["by_description.csv"]))
+    objects = by[(by["by"] == "objects") & (by["method"] == "head")]
+    assert objects[["value", "images"]].values.tolist() == [["1 to 2", 16]]
+    assert objects["abs_rel"].tolist() == pytest.approx([first.rows[0].mean["abs_rel"]])
+    assert csv["abs_rel"].tolist() == [row.mean["abs_rel"] for row in first.rows]
+
+
+def test_zero_shot_has_a_joint_constant_and_says_so(work):
+    images(work, "void", 8, "test")
+    found = evaluate(work)
+    methods = [row.method for row in found.rows if row.dataset == "void"]
+    assert methods == ["head", "joint constant", "median", "linear fit", "linear fit in depth"]
+    assert "Zero-shot (the head was not trained on it): void." in found.summary
+
+
+def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
+    work = Work(tmp_path)
+    images(work, "nyuv2", 64, "train")
+    images(work, "nyuv2", 16, "test", first_part=1, failed=(3,))
+    train_head(work, epochs=1, **FAST)
+    frame = evaluate(work).table.to_pandas()
+    bad = frame[frame["sample_id"] == "nyuv2/test/000003"]
+    assert set(bad["status"]) == {"failed"}
+    assert set(bad["error"]) == {"depth: no valid pixel"}
+    assert len(frame) == 6 * 16
+    assert "nyuv2: 1 images failed: see error" in evaluate(work).summary
+
+
+def test_monodepth2_scales_by_the_median(work, monkeypatch):
+    # The crop of NYU is for frames of 640x480 px: let the small ones be a dataset of no crop.
+    kinds = setting.rules
+    monkeypatch.setattr(
+        setting, "rules", lambda protocol, dataset, kind: kinds(protocol, dataset, "folder")
+    )
+    frame = evaluate(work, protocol="monodepth2").table.to_pandas()
+    head = frame[frame["method"] == "head"].to_dict("records")
+    for (y, gt), row in zip(maps(work, "nyuv2", 1), head, strict=True):
+        pred = 1 / (row["scale"] * y + row["shift"])
+        valid = gt > 0
+        pred *= np.median(gt[valid]) / np.median(pred[valid])
+        expected = depth_errors(gt, pred, min_depth=1e-3, max_depth=10.0)
+        assert row["abs_rel"] == pytest.approx(expected["abs_rel"])
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "says"),
+    [
+        ({"head": "hat"}, RsaDataError, "expected a head"),
+        ({"protocol": "rso"}, UsageError, "Did you mean 'rsa'"),
+        ({"datasets": ("nyu",)}, UsageError, "Did you mean 'nyuv2'"),
+        ({"split": "val"}, RsaDataError, "no dataset there has the split 'val'"),
+        (
+            {"split": "val", "datasets": ("nyuv2",)},
+            RsaDataError,
+            "expected the split 'val'; found test, train",
+        ),
+    ],
+    ids=["head", "protocol", "dataset", "split", "split of a dataset"],
+)
+def test_wrong_calls(work, options, error, says):
+    with pytest.raises(error, match=says):
+        evaluate(work, **options)
+
+
+def test_tables_that_are_not_the_heads_are_refused(work):
+    other = {"encoder": "minilm", "store": "float16", "normalize": True, "threads": 2}
+    images(work, "void", 8, "test", encoder=other)
+    with pytest.raises(RsaDataError, match=r"head and embeddings.*normalize"):
+        evaluate(work)
+
+
+@pytest.mark.parametrize("normalize", [False, True])
+def test_an_imported_head_is_held_to_what_is_known_of_it(work, normalize):
+    head = ScaleHead.load(f"{work.store.location}/heads/head")
+    about = json.loads(json.dumps(head.description))
+    del about["datasets"]
+    about["features"] |= {"style": None, "files": None, "stage_version": None}
+    about["features"]["options"] = {"encoder": "minilm", "normalize": normalize}
+    unknown = dict.fromkeys(("model", "options", "files", "stage_version"))
+    about |= {"depth_model": unknown | {"geometry": {}}, "imported": {"file": "x.pt"}}
+    ScaleHead(head.network, about, head.mean, head.factor).save(work.store, "heads/theirs")
+    if normalize:
+        with pytest.raises(RsaDataError, match="options"):
+            evaluate(work, head="theirs")
+        return
+    found = evaluate(work, head="theirs")
+    rows = {row.method: row.mean for row in found.rows}
+    own = {row.method: row.mean for row in evaluate(work).rows}
+    assert rows == own
+    assert "The head was imported" in found.summary and "Zero-shot" not in found.summary
+
+
+def test_one_scene_gives_no_interval(work):
+    images(work, "void", 8, "test", scenes=["one"] * 8)
+    found = evaluate(work)
+    assert {row.low == {} for row in found.rows if row.dataset == "void"} == {True}
+    assert "void: one scene only" in found.summary
+
+
+def test_the_interval_is_that_of_a_loop_over_draws():
+    rng = np.random.default_rng(0)
+    scenes = np.array([f"s{i // 5}" for i in range(60)])
+    values = rng.normal(size=(60, 2)) + np.repeat(rng.normal(size=(12, 2)), 5, axis=0)
+    low, high = interval(values, scenes, draws=4000)
+    names = np.unique(scenes)
+    means = []
+    for _ in range(4000):
+        rows = np.concatenate([np.flatnonzero(scenes == s) for s in rng.choice(names, 12)])
+        means.append(values[rows].mean(0))
+    expected = np.quantile(means, [0.025, 0.975], axis=0)
+    np.testing.assert_allclose([low, high], expected, atol=0.04)
+    narrow = interval(values, np.arange(60).astype(str))
+    assert (high - low > 1.5 * (narrow[1] - narrow[0])).all()

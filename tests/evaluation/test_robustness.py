@@ -1,0 +1,112 @@
+"""robustness: captions written anew from the same segments, with what is wrong in them."""
+
+import numpy as np
+import pytest
+import rooms
+from made_tables import DEPTH
+
+from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.evaluation.evaluate import evaluate
+from rsa_data.evaluation.robustness import CHANGES, robustness
+from rsa_data.heads.train.train_head import train_head
+from rsa_data.runner import runs, stages
+from rsa_data.store import schemas
+from rsa_data.store.tables import Work
+
+FAST = {"epochs": 1, "batch": 8, "pixels": 16, "threads": 1, "validation": 0.3}
+
+
+def with_split(table, split):
+    columns = {name: table[name] for name in table.column_names}
+    columns["split"] = [split] * len(table)
+    return schemas.from_columns("samples", columns)
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory) -> Work:
+    """12 training and 6 test images of one dataset, segments to heads, by the real stages."""
+    work = rooms.made(tmp_path_factory.mktemp("work"), parts=2, rows=9)
+    samples = work.table("rooms", "samples")
+    kept = {k: samples.receipt(1)[k] for k in ("ok", "failed", "skipped")}
+    test = with_split(samples.read(1), "test")
+    samples.commit(1, test, {**kept, "split": "test", "fingerprint": "test"})
+    samples.manifest([0, 1])
+    segments = work.table("rooms", "segments/labels")
+    made_from = {"inputs": {"samples": samples.receipt(1)["digest"]}, "fingerprint": "test"}
+    segments.commit(1, segments.read(1), {**kept, "split": "test", **made_from})
+    segments.manifest([0, 1])
+
+    options = {"variants": 2, "tokenizer": "minilm"}
+    runs.run(rooms.captions_job(work, **options), bar=rooms.NoBar)
+    embed = {"encoder": "minilm", "threads": 1}
+    job = stages.job(work, "embed", "rooms", embed, upstream="captions/occupancy")
+    runs.run(job, bar=rooms.NoBar)
+
+    depth = work.table("rooms", "depth/files")
+    about = {"schema": "depth", "stage": "depth", "stage_version": 1, "files": {}}
+    depth.bind({**about, "options": DEPTH, "inputs": ["samples"]})
+    rng = np.random.default_rng(0)
+    for number in (0, 1):
+        rows = samples.read(number)
+        y = rng.uniform(1, 9, (9, 20)).astype("<f2")
+        metric = (1 / (0.05 * y.astype(float) + 0.1)).astype("<f2")
+        values = {
+            "sample_id": rows["sample_id"],
+            "status": ["ok"] * 9,
+            "kind": ["map" if number else "pixels"] * 9,
+            "width": [5] * 9,
+            "height": [4] * 9,
+            "relative": [row.tobytes() for row in y],
+            "metric": [row.tobytes() for row in metric],
+            "fit_scale": [0.05] * 9,
+            "fit_shift": [0.1] * 9,
+        }
+        columns = {n: values.get(n, [None] * 9) for n in schemas.schema("depth").names}
+        receipt = {k: samples.receipt(number)[k] for k in ("ok", "failed", "skipped", "split")}
+        receipt |= {"inputs": {"samples": samples.receipt(number)["digest"]}, "fingerprint": "d"}
+        depth.commit(number, schemas.from_columns("depth", columns), receipt)
+    train_head(work, split_scene=True, **FAST)
+    return work
+
+
+@pytest.mark.slow
+def test_each_change_is_measured_on_every_image(work):
+    found = robustness(work).table.to_pandas()
+    assert list(found["method"].unique()) == list(CHANGES)
+    assert set(found["status"]) == {"ok"}
+    by_method = {name: rows.reset_index(drop=True) for name, rows in found.groupby("method")}
+
+    head = evaluate(work).table.to_pandas()
+    head = head[head["method"] == "head"].reset_index(drop=True)
+    np.testing.assert_allclose(by_method["plain"]["scale"], head["scale"], rtol=1e-5)
+
+    assert by_method["nothing found"]["scale"].nunique() == 1
+    np.testing.assert_allclose(by_method["things only"]["scale"], head["scale"], rtol=1e-5)
+    # Every segment of this dataset is a thing.
+    np.testing.assert_allclose(
+        by_method["background only"]["scale"], by_method["nothing found"]["scale"], rtol=1e-5
+    )
+    for change, least in (("half deleted", 2), ("3 wrong added", 7)):
+        other = ~np.isclose(by_method[change]["scale"], head["scale"], rtol=1e-6)
+        assert other.sum() >= least
+    assert "rooms: nothing found:" in robustness(work).summary
+
+
+def test_a_control_does_not_read_descriptions(work):
+    train_head(work, name="shuffled", control="shuffled", split_scene=True, **FAST)
+    with pytest.raises(UsageError, match="control"):
+        robustness(work, head="shuffled")
+
+
+def test_captions_that_were_imported_cannot_be_changed(work, monkeypatch):
+    table = work.table("rooms", "captions/occupancy")
+    about = table.description() | {"inputs": ["samples"]}
+    kind = type(table)
+    real = kind.description
+    monkeypatch.setattr(
+        kind,
+        "description",
+        lambda self: about if self.name == "captions/occupancy" else real(self),
+    )
+    with pytest.raises(RsaDataError, match="written from segments"):
+        robustness(work)

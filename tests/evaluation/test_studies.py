@@ -1,0 +1,266 @@
+"""External predictions, the paper's rows, hard images, error bars, formats, plots."""
+
+import xml.etree.ElementTree as ElementTree
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from test_evaluation import SIZE, images, maps, trained, work  # noqa: F401
+
+from rsa_data import depth_errors
+from rsa_data.common.errors import UsageError
+from rsa_data.evaluation import breakdown, formats, paper, plots, spread
+from rsa_data.evaluation.contenders import plans
+from rsa_data.evaluation.evaluate import evaluate
+from rsa_data.evaluation.inputs import TestPart
+from rsa_data.evaluation.scenes import one_description
+from rsa_data.evaluation.setting import rules_of
+from rsa_data.evaluation.summary import Row, summarise
+from rsa_data.store import schemas
+
+
+def test_another_models_depth_under_the_same_protocol(work, tmp_path):  # noqa: F811
+    (tmp_path / "other" / "nyuv2" / "test").mkdir(parents=True)
+    for i, (_, gt) in enumerate(maps(work, "nyuv2", 1)):
+        if i == 1:
+            values = (700 * gt).astype(np.uint16)
+            cv2.imwrite(str(tmp_path / f"other/nyuv2/test/{i:06d}.png"), values)
+        elif i != 2:
+            np.save(tmp_path / f"other/nyuv2/test/{i:06d}.npy", 0.9 * gt)
+    result = evaluate(work, external=(f"Other={tmp_path}/other",))
+    assert "its mean leaves out: Other 1;" in result.summary
+    found = result.table.to_pandas()
+    rows = found[found["method"] == "Other"].to_dict("records")
+    assert [r["status"] for r in rows] == ["ok", "ok", "failed", *["ok"] * 13]
+    assert rows[2]["error"] == (
+        "test/000002: expected a map in test/000002.npy or .png; found neither"
+    )
+    assert rows[0]["abs_rel"] == pytest.approx(0.1)
+    assert rows[1]["abs_rel"] == pytest.approx(0.3, abs=1e-3)
+    assert rows[0]["scale"] is None or np.isnan(rows[0]["scale"])
+
+
+def test_a_prediction_of_another_size_is_resized(work, tmp_path):  # noqa: F811
+    (tmp_path / "test").mkdir()
+    small = np.random.default_rng(0).uniform(1, 5, (3, 4)).astype(np.float32)
+    np.save(tmp_path / "test" / "000000.npy", small)
+    found = evaluate(work, external=(f"Other={tmp_path}",)).table.to_pandas()
+    row = found[found["method"] == "Other"].iloc[0]
+    _, gt = next(maps(work, "nyuv2", 1))
+    pred = cv2.resize(small, SIZE[::-1], interpolation=cv2.INTER_LINEAR)
+    assert row["rmse"] == pytest.approx(
+        depth_errors(gt, pred, min_depth=1e-3, max_depth=10)["rmse"]
+    )
+
+
+@pytest.mark.parametrize("given", ["Other", "=x", "Other=/no/such/folder"])
+def test_a_wrong_external_is_refused(work, given):  # noqa: F811
+    with pytest.raises(UsageError, match="--external"):
+        evaluate(work, external=(given,))
+
+
+SAME = {
+    "split": "test",
+    "protocol": "rsa",
+    "images": 654,
+    "model": "depth-anything-small",
+    "options": {"geometry": "560x434", "crop": "none"},
+}
+
+
+def test_the_papers_rows_where_all_is_the_same():
+    rows, notes = paper.paper_rows("rooms", "nyuv2", **SAME)
+    found = {row.method: row.mean for row in rows}
+    assert found["paper: RSA (N+K)"] == {"delta1": 0.776, "abs_rel": 0.148, "rmse": 0.498}
+    assert found["paper: ZoeDepth"]["abs_rel"] == 0.077
+    assert len(found) == 10
+    assert {row.dataset for row in rows} == {"rooms"}
+    assert [note for note in notes if "DPT" in note or "MiDaS" in note] == notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "why"),
+    [
+        ("nyuv2", {"protocol": "bts"}, "protocol is bts here, rsa there"),
+        ("nyuv2", {"split": "val"}, "split is val here"),
+        ("nyuv2", {"images": 500}, "number of test images is 500 here, 654 there"),
+        ("folder", {}, "the paper reports nothing on folder"),
+    ],
+)
+def test_no_row_of_the_paper_when_conditions_differ(kind, change, why):
+    rows, notes = paper.paper_rows("mine", kind, **SAME | change)
+    assert rows == []
+    assert len(notes) == 1 and why in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"model": "depth-anything-v2-small"}, "y was made by depth-anything-v2-small here"),
+        ({"options": {"geometry": None}}, "geometry of y is the model card's here, 560x434 there"),
+        ({"options": {"geometry": "560x434", "crop": "kb"}}, "crop of y is kb here, none there"),
+    ],
+)
+def test_another_backbone_leaves_only_models_that_need_none(change, why):
+    rows, notes = paper.paper_rows("nyuv2", "nyuv2", **SAME | change)
+    assert [row.method for row in rows] == ["paper: ZeroDepth", "paper: ZoeDepth"]
+    assert any(why in note for note in notes)
+
+
+def test_evaluate_compares_with_the_paper_and_says_why_not(work):  # noqa: F811
+    found = evaluate(work, compare="paper")
+    assert "number of test images is 16 here, 654 there" in found.summary
+    with pytest.raises(UsageError, match="--compare"):
+        evaluate(work, compare="papers")
+
+
+def test_hard_images_are_the_poorly_described(work):  # noqa: F811
+    about = pd.DataFrame(
+        {
+            "sample_id": [f"s{i}" for i in range(8)],
+            "n_objects": [0, 1, 5, 5, 5, 5, 5, 5],
+            "n_kept": [0, 1, 5, 5, 5, 5, 5, 5],
+            "area": [0, 0.9, 0.1, 0.9, 0.9, 0.9, 0.9, 0.9],
+            "area_kept": [0, 0.9, 0.1, 0.9, 0.9, 0.9, 0.9, 0.9],
+        }
+    )
+    metrics = pd.DataFrame(
+        {
+            "sample_id": about["sample_id"],
+            "method": "head",
+            "status": ["ok"] * 7 + ["failed"],
+            "abs_rel": [0.8, 0.6, 0.4, 0.1, 0.1, 0.1, 0.1, np.nan],
+        }
+    )
+    found = breakdown.by_group(metrics, about)
+    assert found.loc["head"].to_dict() == pytest.approx(
+        {"few objects (2)": 0.7, "little covered (2)": 0.6, "neither (5)": 0.1}
+    )
+
+
+def test_the_spread_is_that_of_the_variants(work):  # noqa: F811
+    """A head that reads scale off the feature: the spread follows the variants' features."""
+    images(work, "void", 8, "test", texts=[["a 0", "a 1", "a 2"]] * 8)
+    part = TestPart(work, "void", 0, "depth/files")
+
+    def head(features):
+        return np.zeros(len(features)), 1.0 / np.exp(features @ np.arange(16))
+
+    rules = rules_of(work, "void", "rsa")
+    names = ("embeddings/occupancy/minilm", "captions/occupancy")
+    found = spread.spread([part], head, *names, rules, (1, 2))
+    # Variants 1 and 2 give depths of e and, beyond the 5 m of VOID, 5.
+    assert found.bar == pytest.approx(np.std([1, np.log(5)], ddof=1))
+    truth = []
+    for y, gt in maps(work, "void", 0):
+        valid = (gt > 0.2) & (gt < 5)
+        y, gt = y[valid], gt[valid]
+        near = np.argsort(np.abs(y - np.median(y)), kind="stable")[: max(1, len(y) // 10)]
+        truth.append(np.log(1 / np.median(gt[near])))
+    assert found.error == pytest.approx(np.array(truth))
+
+
+def test_calibration_of_bars_that_tell_the_truth():
+    rng = np.random.default_rng(0)
+    bar = rng.uniform(0.05, 0.5, 20_000)
+    found = spread.Spread([""] * len(bar), bar, rng.normal(0, bar))
+    rows = spread.calibration(found)
+    assert [row["images"] for row in rows] == [4000] * 5
+    for row in rows:
+        assert row["error"] == pytest.approx(row["bar"], rel=0.1)
+    assert spread.inflation(found) == pytest.approx(1, abs=0.03)
+    assert spread.rank_correlation(found) > 0.3
+    same = spread.Spread(["a", "b"], np.zeros(2), np.ones(2))
+    assert (spread.inflation(same), spread.rank_correlation(same)) == (np.inf, 0.0)
+
+
+def test_one_description_a_scene(work):  # noqa: F811
+    part = TestPart(work, "nyuv2", 1, "depth/files")
+    names = ("embeddings/occupancy/minilm", "captions/occupancy")
+    see = one_description([part], *names)
+    features, there = part.features(*names)
+    shared = see(features, there, part=1)
+    assert np.array_equal(shared, np.repeat(features[::4], 4, axis=0))
+    images(work, "void", 4, "test", scenes=["a", "b", "c", "d"])
+    assert one_description([TestPart(work, "void", 0, "depth/files")], *names) is None
+
+
+def test_plans_of_a_comparison():
+    both, text = ("a", "b"), {"style": "occupancy", "encoder": "minilm"}
+    fused = {"style": "occupancy", "encoder": "minilm+clip", "head": "fusion"}
+    others = [("images", "clip"), ("proposals", "yolox")]
+    asked = ("few=counts/minilm/mlp3",), ("b+a",)
+    found = plans(["a", "b"], "occupancy", "minilm", others, *asked)
+    objects = {"style": "proposals", "encoder": "yolox", "head": "proposals"}
+    assert found == [
+        ("text", both, text),
+        ("image (clip)", both, {"style": "images", "encoder": "clip"}),
+        ("text and image (clip)", both, fused),
+        ("detector features (yolox)", both, objects),
+        ("few", both, {"style": "counts", "encoder": "minilm", "head": "mlp3"}),
+        ("captions shuffled", both, text | {"control": "shuffled"}),
+        ("dataset name only", both, text | {"control": "dataset"}),
+        ("text, a alone", ("a",), text),
+        ("text, b alone", ("b",), text),
+        ("text, b and a", ("b", "a"), text),
+    ]
+    with pytest.raises(UsageError, match="LABEL=STYLE/ENCODER"):
+        plans(["a"], "occupancy", "minilm", [], ("image",))
+    with pytest.raises(UsageError, match="dataset in --subsets 'c'"):
+        plans(["a"], "occupancy", "minilm", [], (), ("a+c",))
+    with pytest.raises(UsageError, match="training split"):
+        plans([], "occupancy", "minilm", [], ())
+
+
+ROWS = [
+    Row(
+        "a_b",
+        "head & co",
+        3,
+        0,
+        2,
+        {"abs_rel": 0.1, "delta1": 0.9},
+        {"abs_rel": 0.05},
+        {"abs_rel": 0.2},
+    ),
+    Row("c", "median", 0, 3, 0, {}, {}, {}),
+]
+
+
+def test_formats():
+    text = formats.text(ROWS).splitlines()
+    assert text[1].split() == [
+        "a_b",
+        "head",
+        "&",
+        "co",
+        "3",
+        "0.900",
+        "0.100",
+        "[0.050,",
+        "0.200]",
+        "-",
+        "-",
+        "-",
+    ]
+    assert text[2].split() == ["c", "median", "0", "-", "-", "-", "-", "-"]
+    assert formats.markdown(ROWS).splitlines()[2].startswith("| a_b | head & co | 3 | 0.900 |")
+    latex = formats.latex(ROWS)
+    assert r"a\_b & head \& co & 3 & 0.900 & 0.100 [0.050, 0.200]" in latex
+    assert latex.count(r"\midrule") == 2
+
+
+def test_plots_are_well_formed():
+    shown = plots.intervals(ROWS, "abs_rel", "A < B")
+    root = ElementTree.fromstring(shown)
+    assert "head & co" in {node.text for node in root}
+    lines = {"x": [{"bar": 0.1, "error": 0.2}, {"bar": 0.2, "error": 0.3}]}
+    ElementTree.fromstring(plots.calibration(lines, "t"))
+
+
+def test_summary_of_nothing_that_could_be_measured():
+    rows = {name: [None] for name in schemas.schema("metrics").names}
+    about = {"sample_id": ["a"], "dataset": ["d"], "scene": ["s"], "method": ["m"]}
+    table = schemas.from_columns("metrics", rows | about | {"status": ["failed"]})
+    assert summarise(table) == [Row("d", "m", 0, 1, 0, {}, {}, {})]

@@ -1,0 +1,100 @@
+"""Schemas: every column as declared, nothing let through."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from rsa_data.common.errors import RsaDataError
+from rsa_data.store import schemas
+
+ROW = {
+    "sample_id": ["nyuv2/test/a"],
+    "variant": [0],
+    "text": ["An image."],
+    "text_id": [b"0" * 16],
+    "n_objects": [0],
+    "n_kept": [0],
+    "n_tokens": [5],
+}
+
+
+def captions() -> pa.Table:
+    schema = schemas.schema("captions")
+    known = {name: ROW.get(name) for name in schema.names}
+    for field in schema:
+        if known[field.name] is None:
+            known[field.name] = [0.0] if pa.types.is_floating(field.type) else [0]
+    return schemas.from_columns("captions", known)
+
+
+def test_a_good_table_passes():
+    schemas.check("captions", captions())
+
+
+def test_missing_column_is_named():
+    with pytest.raises(RsaDataError, match="expected the columns sample_id"):
+        schemas.check("captions", captions().drop_columns(["text"]))
+
+
+def test_null_where_none_may_be():
+    table = captions()
+    at = table.schema.get_field_index("text")
+    broken = table.set_column(at, "text", pa.array([None], pa.string()))
+    with pytest.raises(RsaDataError, match=r"captions.text: expected no null; found one in row 0"):
+        schemas.check("captions", broken)
+
+
+def test_other_type_is_refused():
+    table = captions()
+    at = table.schema.get_field_index("variant")
+    broken = table.set_column(at, "variant", pa.array([0], pa.int64()))
+    with pytest.raises(RsaDataError, match=r"captions.variant: expected type int16; found int64"):
+        schemas.check("captions", broken)
+
+
+@pytest.mark.parametrize("name", ["samples", "segments", "captions", "embeddings", "depth"])
+def test_every_column_is_documented(name):
+    definition = schemas.definition(name)
+    assert definition["version"] >= 1 and definition["doc"]
+    assert definition["key"] in definition["columns"]
+    for column, spec in definition["columns"].items():
+        assert spec["doc"].endswith("."), column
+        schemas.arrow_type(spec["type"])
+
+
+VALUES = [
+    pa.array(["a", None, "ccc", ""]),
+    pa.array([1.5, None, 3.0, -0.0]),
+    pa.array([True, None, False, True]),
+    pa.array([[1, 2], None, [], [3]]),
+    pa.array([["x"], ["y", "z"], None, []]),
+    pa.array([b"0123", None, b"4567", b"89ab"], pa.binary(4)),
+    pa.array(
+        [[[1.0, 2.0]], None, [], [[3.0, 4.0], [5.0, 6.0]]], pa.list_(pa.list_(pa.float32(), 2))
+    ),
+]
+
+
+@pytest.mark.parametrize("array", VALUES, ids=[str(a.type) for a in VALUES])
+def test_digest_sees_content_not_layout(array):
+    whole = pa.table({"c": array})
+    sliced = pa.table({"c": pa.concat_arrays([array, array])}).slice(4)
+    chunked = pa.table({"c": pa.chunked_array([array.slice(0, 1), array.slice(1)])})
+    assert schemas.digest(whole) == schemas.digest(sliced) == schemas.digest(chunked)
+    turned = whole.take([1, 0, 2, 3])
+    assert schemas.digest(whole) != schemas.digest(turned)
+
+
+def test_digest_tells_null_from_empty():
+    empty = pa.table({"c": pa.array(["", "a"])})
+    null = pa.table({"c": pa.array([None, "a"])})
+    assert schemas.digest(empty) != schemas.digest(null)
+
+
+def test_embedding_column_keeps_dtype_and_bits():
+    features = np.random.default_rng(0).normal(size=(5, 7)).astype(np.float32)
+    field, array = schemas.embedding_column(features)
+    table = pa.Table.from_arrays([array], schema=pa.schema([field]))
+    back = schemas.embedding_array(table.slice(2))
+    assert back.dtype == np.float32
+    np.testing.assert_array_equal(back, features[2:])

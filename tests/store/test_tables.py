@@ -1,0 +1,140 @@
+"""Parts and receipts: whole or not at all, bound to what made them."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from rsa_data.common.errors import RsaDataError
+from rsa_data.store import schemas
+from rsa_data.store.tables import Work
+
+
+def embeddings(n: int = 3) -> pa.Table:
+    features = np.arange(n * 4, dtype=np.float16).reshape(n, 4)
+    return schemas.from_columns(
+        "embeddings",
+        {
+            "text_id": [bytes([i]) * 16 for i in range(n)],
+            "embedding": schemas.embedding_column(features),
+            "n_tokens": [5] * n,
+            "truncated": [False] * n,
+        },
+    )
+
+
+DESCRIPTION = {"schema": "embeddings", "stage": "embed", "options": {"encoder": "a"}, "inputs": []}
+COUNTS = {"ok": 3, "failed": 0, "skipped": 0, "split": "train", "fingerprint": "f"}
+
+
+@pytest.fixture
+def table(tmp_path):
+    table = Work(tmp_path).table("rooms", "embeddings/occupancy/a")
+    table.bind(DESCRIPTION)
+    return table
+
+
+def test_a_committed_part_is_read_back_whole(table):
+    receipt = table.commit(7, embeddings(), COUNTS)
+    assert table.parts() == [7]
+    assert table.read(7).equals(embeddings())
+    assert table.read(7).schema.field("embedding").metadata[b"dtype"] == b"float16"
+    np.testing.assert_array_equal(
+        schemas.embedding_array(table.read(7)), np.arange(12, dtype=np.float16).reshape(3, 4)
+    )
+    assert table.receipt(7) == receipt
+    assert receipt["rows"] == 3 and receipt["digest"] == schemas.digest(embeddings())
+
+
+def test_the_same_part_gives_the_same_bytes(table, tmp_path):
+    first = table.commit(0, embeddings(), COUNTS)
+    again = table.commit(
+        0, pa.concat_tables([embeddings().slice(0, 1), embeddings().slice(1)]), COUNTS
+    )
+    assert first["digest"] == again["digest"]
+    assert table.commit(0, embeddings(), COUNTS)["sha256"] == first["sha256"]
+
+
+def test_without_a_receipt_a_part_is_not_done(table):
+    table.commit(0, embeddings(), COUNTS)
+    table.store.delete(f"{table.path}/part-00000.json")
+    assert table.parts() == []
+    with pytest.raises(RsaDataError, match="part 0 is not done"):
+        table.read(0)
+
+
+def test_a_part_of_another_size_is_refused(table):
+    table.commit(0, embeddings(), COUNTS)
+    file = f"{table.path}/{table.receipt(0)['file']}"
+    data = table.store.read(file)
+    table.store.write(file, data[:-1])
+    with pytest.raises(RsaDataError, match=rf"expected {len(data)} bytes.*found {len(data) - 1}"):
+        table.read(0)
+
+
+def test_other_options_are_refused_by_name(table):
+    table.bind(DESCRIPTION | {"made_with": {"numpy": "another"}})
+    with pytest.raises(RsaDataError, match=r'options.encoder: the table has "a", this run has "b"'):
+        table.bind(DESCRIPTION | {"options": {"encoder": "b"}})
+
+
+def test_start_over_leaves_nothing(table):
+    table.commit(0, embeddings(), COUNTS)
+    table.start_over()
+    assert not table.exists() and table.parts() == []
+    table.bind(DESCRIPTION | {"options": {"encoder": "b"}})
+
+
+def test_manifest_only_when_all_parts_are_there(table):
+    table.commit(0, embeddings(), COUNTS)
+    assert table.manifest([0, 1]) is None
+    table.commit(1, embeddings(), COUNTS)
+    assert table.manifest([0, 1])["ok"] == 6
+    stored = json.loads(table.store.read(f"{table.path}/manifest.json"))
+    assert [receipt["part"] for receipt in stored["parts"]] == [0, 1]
+
+
+@pytest.mark.parametrize("moment", ["write", "flush", "flushed", "rename", "renamed", "receipt"])
+def test_killed_at_any_moment_a_part_is_whole_or_not_there(tmp_path, moment):
+    table = Work(tmp_path).table("rooms", "embeddings/occupancy/a")
+    table.bind(DESCRIPTION)
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]);"
+        "from test_parts import *; from rsa_data.store.tables import Work;"
+        "Work(sys.argv[2]).table('rooms', 'embeddings/occupancy/a').commit(0, embeddings(), COUNTS)"
+    )
+    folder = __file__.rpartition("/")[0]
+    ended = subprocess.run(
+        [sys.executable, "-c", script, folder, str(tmp_path)],
+        env={"RSA_DATA_FAILPOINT": moment, "PYTHONPATH": folder + "/..", "PATH": ""},
+        check=False,
+    )
+    assert ended.returncode == -9
+    assert table.parts() == []
+    table.bind(DESCRIPTION)
+    table.commit(0, embeddings(), COUNTS)
+    assert table.read(0).equals(embeddings())
+    left = [p.name for p in (tmp_path / table.path).iterdir()]
+    assert sorted(left) == [table.receipt(0)["file"], "part-00000.json", "table.json"]
+
+
+def test_a_full_disk_is_a_clear_error_and_keeps_what_was_there(table, monkeypatch):
+    table.commit(0, embeddings(), COUNTS)
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(RsaDataError, match=r"cannot write .*part-00001-.*parquet: No space left"):
+        table.commit(1, embeddings(), COUNTS)
+    monkeypatch.undo()
+    assert table.parts() == [0]
+
+
+def test_tables_are_found_below_their_dataset(table, tmp_path):
+    assert Work(tmp_path).tables("rooms") == ["embeddings/occupancy/a"]
+    with pytest.raises(RsaDataError, match=r"no such table. Tables there: embeddings/occupancy/a"):
+        Work(tmp_path).table("rooms", "captions/counts").description()

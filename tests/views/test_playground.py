@@ -1,0 +1,59 @@
+"""What the playground computes, without its page."""
+
+import numpy as np
+import pytest
+
+from rsa_data.views.playground import desk
+
+
+def picture(y: np.ndarray) -> desk.Picture:
+    height, width = y.shape
+    image = np.zeros((height, width, 3), np.uint8)
+    camera = (100.0, 100.0, width / 2, height / 2)
+    return desk.Picture("a", image, None, "An image.", y, "", None, camera, False)
+
+
+def test_distance_on_a_wall_is_that_of_its_pixels():
+    wall = picture(np.full((100, 200), 4.0, np.float32))
+    depth = desk.depth_of(wall, 0.1, 0.1)  # 1 / (0.4 + 0.1) = 2 m
+    # 100 columns at a focal length of 100 px, 2 m away.
+    assert desk.distance(wall, depth, (50, 50), (150, 50)) == pytest.approx(2.0)
+
+
+def test_distance_in_depth_is_the_difference_of_depths():
+    y = np.ones((100, 200), np.float32)
+    y[:, 100:] = 0.25
+    scene = picture(y)
+    depth = desk.depth_of(scene, 1.0, 0.0)  # 1 m and 4 m
+    a, b = (desk.place(scene, depth, u, 50) for u in (99, 100))
+    assert b[2] - a[2] == pytest.approx(3)
+    assert desk.distance(scene, depth, (99, 50), (100, 50)) == pytest.approx(3, abs=1e-3)
+
+
+def test_cloud_holds_the_points_of_the_pixels_with_y_up():
+    scene = picture(np.full((60, 80), 0.5, np.float32))
+    points, colours = desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))
+    assert len(points) == len(colours) == 60 * 80
+    np.testing.assert_allclose(points[:, 2], -2)
+    np.testing.assert_allclose(points[0], [-0.8, 0.6, -2], rtol=1e-6)
+
+
+def test_cloud_leaves_out_what_is_infinitely_far():
+    y = np.full((60, 80), 0.5, np.float32)
+    y[:30] = -1
+    scene = picture(y)
+    assert len(desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))[0]) == 30 * 80
+
+
+def test_large_pictures_are_thinned():
+    scene = picture(np.full((1000, 1500), 0.5, np.float32))
+    assert len(desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))[0]) <= 20_000
+
+
+def test_colours_of_a_cloud_are_those_of_a_larger_picture():
+    y = np.full((40, 60), 0.5, np.float32)
+    image = np.zeros((80, 120, 3), np.uint8)
+    image[40:] = 255
+    scene = desk.Picture("a", image, None, "", y, "", None, (50.0, 50.0, 30.0, 20.0), False)
+    points, colours = desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))
+    np.testing.assert_array_equal(colours[:, 0], (points[:, 1] <= 0).astype(float))
