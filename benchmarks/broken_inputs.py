@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 NAMES = ("plain", "with space", "ünï-cødé", "<b>bold</b>", "=1+1", "-rf", "a'b\"c", "x;y", "%s%n")
 WORDS = (
@@ -268,7 +268,9 @@ def call(*words: object) -> tuple[int, str, float]:
     return ended.returncode, ended.stdout + ended.stderr, time.monotonic() - begun
 
 
-def check(work: Work, dataset: str, table: str, whole: set, count: int, place: Path) -> list[str]:
+def check(
+    work: WorkDir, dataset: str, table: str, whole: set, count: int, place: Path
+) -> list[str]:
     """What is wrong with how the inputs were accounted for; prints the reasons."""
     problems: list[str] = []
     made, samples = work.table(dataset, table), work.table(dataset, "samples")
@@ -318,7 +320,7 @@ def main() -> int:
     bad = 0
     with tempfile.TemporaryDirectory(prefix="rsa-data-broken-") as name:
         base = Path(name)
-        work = Work(base / "work")
+        work = WorkDir(base / "work")
         at = ("--work", base / "work")
 
         def judge(

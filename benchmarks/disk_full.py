@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import rooms
 
 from rsa_data.runner import runs, verify
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 PARTS, ROWS = 40, 500
 
@@ -49,7 +49,7 @@ def main() -> int:
     return 1 if bad else 0
 
 
-def fill_and_free(what: str, place: Path, work: Work, expected: list) -> int:
+def fill_and_free(what: str, place: Path, work: WorkDir, expected: list) -> int:
     need = sum(r["bytes"] for r in expected)
     ballast = place / "ballast"
     if what == "will not fit":
@@ -80,7 +80,7 @@ def fill_and_free(what: str, place: Path, work: Work, expected: list) -> int:
     return sum((not clear, not valid, again.returncode != 0, not same, len(done) == PARTS))
 
 
-def receipts(work: Work) -> list:
+def receipts(work: WorkDir) -> list:
     table = work.table("rooms", "captions/occupancy")
     return [table.receipt(n) for n in table.parts()]
 

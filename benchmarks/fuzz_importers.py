@@ -41,7 +41,7 @@ from rsa_data.heads.predict import known_depth, predict
 from rsa_data.runner import limits, pipeline_files, status, verify
 from rsa_data.segments import coco_detections, coco_panoptic, graph, rsa_release
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 One = Callable[[bytes], object]
@@ -383,7 +383,7 @@ def texts(here: Path) -> One:
     return one
 
 
-def stand_in(here: Path, dim: int = 8) -> tuple[Work, dict[str, Any]]:
+def stand_in(here: Path, dim: int = 8) -> tuple[WorkDir, dict[str, Any]]:
     """A head of 8 features that is not trained."""
     about: dict[str, Any] = {
         "format": 1,
@@ -398,7 +398,7 @@ def stand_in(here: Path, dim: int = 8) -> tuple[Work, dict[str, Any]]:
     network = checkpoint.build_network(about["architecture"], dim)
     reference = np.eye(dim, dtype=np.float16)
     head = checkpoint.ScaleHead(network, about, torch.zeros(dim), torch.ones(dim), reference)
-    work = Work(here / "work")
+    work = WorkDir(here / "work")
     head.save(work.store, "heads/head")
     return work, about
 
@@ -513,7 +513,7 @@ def head(here: Path) -> One:
     return one
 
 
-def made_work(here: Path) -> tuple[Work, dict[str, Any]]:
+def made_work(here: Path) -> tuple[WorkDir, dict[str, Any]]:
     import sys
 
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

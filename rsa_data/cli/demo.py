@@ -7,7 +7,7 @@ import click
 
 from ..runner import pipeline_files
 from ..runner.chains import How
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import console
 from .shared import tell
 
@@ -28,7 +28,7 @@ def demo(work: str) -> None:
     measures both on held-out scenes, and draws a sheet of predictions.
     """
     begun = time.monotonic()
-    place, job = Work(work), pipeline_files.load(Path("demo"))
+    place, job = WorkDir(work), pipeline_files.load(Path("demo"))
     for name, table in job["dataset"].items():
         table["root"] = str(Path(work) / "scenes" / name)
     pipeline_files.run(
@@ -43,7 +43,7 @@ def demo(work: str) -> None:
     click.echo("then your own images: data/README.md, folder")
 
 
-def draw(work: Work, datasets: list[str], path: Path) -> None:
+def draw(work: WorkDir, datasets: list[str], path: Path) -> None:
     """Writes a contact sheet of test scenes as the head `demo` sees them."""
     from ..datasets.images import read_image
     from ..datasets.index import load_dataset

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from ..common.options import click_options
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from ..views.export import export as run
 from .shared import work_option
 
@@ -20,7 +20,7 @@ def export(work: str, out: Path, **options: Any) -> None:
     \b
       rsa-data export --format hf --out nyu-captions
     """
-    counts = run(Work(work), out=out, **options)
+    counts = run(WorkDir(work), out=out, **options)
     for name, rows in counts.items():
         click.echo(f"{name}: {rows:,} rows")
     click.echo(f"{out}: load_dataset({str(out)!r}, {next(iter(counts)).split('/')[0]!r})")

@@ -10,7 +10,7 @@ from ..evaluation.evaluate import evaluate as evaluate_function
 from ..heads.predict.predict import predict as predict_function
 from ..heads.released import import_head as import_function
 from ..heads.train.train_head import train_head as train_head_function
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import console
 from .shared import say_next, work_option
 
@@ -24,9 +24,9 @@ def train_head(work: str, **options: Any) -> None:
     \b
       rsa-data train-head --head mlp5 --name nyu
     """
-    result = train_head_function(Work(work), bar=console.bar, **options)
+    result = train_head_function(WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
-    say_next(Work(work), f"evaluate --head {options['name']}")
+    say_next(WorkDir(work), f"evaluate --head {options['name']}")
 
 
 @click.command()
@@ -38,10 +38,10 @@ def evaluate(work: str, **options: Any) -> None:
     \b
       rsa-data evaluate --head nyu
     """
-    result = evaluate_function(Work(work), bar=console.bar, **options)
+    result = evaluate_function(WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
     say_next(
-        Work(work), f'predict --head {options["head"]} --caption "a small bathroom with a sink"'
+        WorkDir(work), f'predict --head {options["head"]} --caption "a small bathroom with a sink"'
     )
 
 
@@ -55,7 +55,7 @@ def predict(work: str, **options: Any) -> None:
       rsa-data predict --head nyu --caption "a small bathroom with a sink"
       rsa-data predict --head nyu --image room.jpg --known 320,240,2.5 --out room.png
     """
-    click.echo(predict_function(Work(work), **options).summary)
+    click.echo(predict_function(WorkDir(work), **options).summary)
 
 
 @click.command("import-head")
@@ -68,9 +68,9 @@ def import_head(work: str, file: Path, **options: Any) -> None:
     \b
       rsa-data import-head da_lanscale.pt --name released
     """
-    where, description = import_function(Work(work), file, **options)
+    where, description = import_function(WorkDir(work), file, **options)
     click.echo(f"head {where}: {description['architecture']['name']}")
     for name, measures in description["imported"]["measures"].items():
         numbers = "  ".join(f"{key} {value:.4f}" for key, value in measures.items())
         click.echo(f"  its own test measures, {name}: {numbers}")
-    say_next(Work(work), f"predict --head {Path(where).name} --weights CLIP --caption TEXT")
+    say_next(WorkDir(work), f"predict --head {Path(where).name} --weights CLIP --caption TEXT")

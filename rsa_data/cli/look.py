@@ -7,11 +7,11 @@ import click
 
 from .. import registry
 from ..common import class_names, options
-from ..common.errors import RsaDataError
+from ..common.errors import RsaDataError, unknown
 from ..runner import pipeline_files
 from ..runner import status as state
 from ..runner import verify as checks
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .shared import work_option
 
 
@@ -23,7 +23,7 @@ def status(work: str) -> None:
     \b
       rsa-data status
     """
-    for line in state.status(Work(work)):
+    for line in state.status(WorkDir(work)):
         click.echo(line)
 
 
@@ -42,9 +42,9 @@ def verify(work: str, recompute: int) -> None:
       rsa-data verify
       rsa-data verify --recompute 2
     """
-    problems = checks.verify(Work(work), click.echo)
+    problems = checks.verify(WorkDir(work), click.echo)
     if recompute:
-        problems += checks.recompute(Work(work), recompute, click.echo)
+        problems += checks.recompute(WorkDir(work), recompute, click.echo)
     if problems:
         raise RsaDataError(
             f"{problems} problems found. To make a bad part anew, delete its receipt "
@@ -69,7 +69,7 @@ def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
     """
     from ..views.pictures import sample
 
-    for line in sample.draw(Work(work), sample_id, head, out):
+    for line in sample.draw(WorkDir(work), sample_id, head, out):
         click.echo(line)
     click.echo(f"picture: {out}")
 
@@ -83,7 +83,7 @@ def list_names(what: str | None) -> None:
       rsa-data list datasets
     """
     if what is not None and what not in _KINDS:
-        raise registry.unknown("kind", what, _KINDS)
+        raise unknown("kind", what, _KINDS)
     for kind in [what] if what else _KINDS:
         click.echo(f"{kind}:")
         for name, doc in _KINDS[kind]():

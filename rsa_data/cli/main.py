@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from .. import registry
-from ..common.errors import RsaDataError
+from ..common.errors import RsaDataError, unknown
 from . import console
 
 # In the order data flows. Literal names, so that a command loads its own module only.
@@ -53,7 +52,7 @@ class Group(click.Group):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            raise click.UsageError(str(registry.unknown("command", args[0], COMMANDS)))
+            raise click.UsageError(str(unknown("command", args[0], COMMANDS)))
         return super().resolve_command(ctx, args)
 
 

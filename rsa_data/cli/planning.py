@@ -4,7 +4,7 @@ from importlib import import_module
 
 import click
 
-from .. import registry
+from ..common.errors import unknown
 from .shared import PLANNING
 
 _STAGES = ("captions", "embed", "embed-images", "depth", "detect", "run")
@@ -15,7 +15,7 @@ _STAGES = ("captions", "embed", "embed-images", "depth", "detect", "run")
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 @click.pass_context
 def plan(ctx: click.Context, stage: str, words: tuple[str, ...]) -> None:
-    """Parts, hours and bytes that a stage with these options would take; runs none of it.
+    """Table, hours and bytes that a stage with these options would take; runs none of it.
 
     Index and inputs must be there or be quick to make: samples are indexed, a few rows are tried.
 
@@ -25,7 +25,7 @@ def plan(ctx: click.Context, stage: str, words: tuple[str, ...]) -> None:
     from .main import COMMANDS
 
     if stage not in _STAGES:
-        raise registry.unknown("stage", stage, _STAGES)
+        raise unknown("stage", stage, _STAGES)
     module, attribute = COMMANDS[stage].split(":")
     command = getattr(import_module(module), attribute)
     ctx.meta[PLANNING] = True

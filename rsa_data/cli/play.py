@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from ..registry import extras
-from ..store.tables import Work
+from ..common.extras import extras
+from ..store.tables import WorkDir
 from .shared import work_option
 
 
@@ -38,7 +38,7 @@ def play(
     with extras("rsa-data play"):
         from ..views.playground import page
     models = desk.load(
-        Work(work), head, weights, segmenter=segmenter, segmenter_model=segmenter_model,
+        WorkDir(work), head, weights, segmenter=segmenter, segmenter_model=segmenter_model,
         depth_weights=depth_weights,
     )  # fmt: skip
     click.echo(f"head {head}: http://127.0.0.1:{port} (Ctrl-C ends it)")

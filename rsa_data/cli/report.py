@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from ..common.options import click_options
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from ..views.report.build import report as report_function
 from . import console
 from .shared import work_option
@@ -20,4 +20,4 @@ def report(work: str, **options: Any) -> None:
     \b
       rsa-data report
     """
-    click.echo(report_function(Work(work), bar=console.bar, **options).summary)
+    click.echo(report_function(WorkDir(work), bar=console.bar, **options).summary)

@@ -14,7 +14,7 @@ from ..runner import limits, plan
 from ..runner.chains import How
 from ..runner.engines import pool
 from ..runner.runs import Summary
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import console
 
 
@@ -75,7 +75,7 @@ def running(command: Callable) -> Callable:
         how = How(bar=console.bar, tell=tell, engine=engine, **{n: given.pop(n) for n in _HOW})
         if click.get_current_context().meta.get(PLANNING):
             how = replace(how, plan=functools.partial(tell_plan, engine.workers), start_over=False)
-        return command(work=Work(work), how=how, **given)
+        return command(work=WorkDir(work), how=how, **given)
 
     for option in (
         click.option("--start-over", is_flag=True, help="Delete the table first, make it anew."),
@@ -151,7 +151,7 @@ def tell_plan(workers: int, stage: str, dataset: str, estimate: plan.Estimate) -
         click.echo(line)
 
 
-def say_next(work: Work, command: str) -> None:
+def say_next(work: WorkDir, command: str) -> None:
     """Prints the next command to type, with --work where it is not the default."""
     if click.get_current_context().meta.get(PLANNING):
         return

@@ -7,7 +7,7 @@ import click
 from ..common.options import click_options
 from ..evaluation.compare import compare as compare_function
 from ..evaluation.robustness import robustness as robustness_function
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import console
 from .shared import work_option
 
@@ -21,7 +21,7 @@ def robustness(work: str, **options: Any) -> None:
     \b
       rsa-data robustness --head nyu
     """
-    click.echo(robustness_function(Work(work), bar=console.bar, **options).summary)
+    click.echo(robustness_function(WorkDir(work), bar=console.bar, **options).summary)
 
 
 @click.command()
@@ -33,4 +33,4 @@ def compare(work: str, **options: Any) -> None:
     \b
       rsa-data compare --work demo
     """
-    click.echo(compare_function(Work(work), bar=console.bar, **options).summary)
+    click.echo(compare_function(WorkDir(work), bar=console.bar, **options).summary)

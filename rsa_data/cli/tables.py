@@ -14,7 +14,7 @@ from ..embeddings.proposals import build as proposals_build
 from ..runner import chains, pipeline_files, stages
 from ..runner.chains import How
 from ..segments.detect import build as detect_build
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from ..views.pictures.pictures import save
 from ..views.pictures.preview import preview as draw_preview
 from .shared import key_values, one_dataset, running, say_next
@@ -26,7 +26,7 @@ from .shared import key_values, one_dataset, running, say_next
 @click.option("--preview", metavar="N", type=int, help="Draw N images with what was found.")
 @click_options(detect_build, hidden=stages.GIVEN)
 def detect(
-    work: Work,
+    work: WorkDir,
     how: How,
     dataset: str,
     root: Path | None,
@@ -56,7 +56,7 @@ def detect(
 @click.option("--segments", metavar="SOURCE", help="A segmenter, or an import as NAME:PLACE.")
 @click_options(captions_build, hidden=stages.GIVEN)
 def captions(
-    work: Work,
+    work: WorkDir,
     how: How,
     dataset: str,
     root: Path | None,
@@ -81,7 +81,9 @@ def captions(
 @click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
 @click.option("--style", help="Which captions, when there are several.")
 @click_options(embed_build)
-def embed(work: Work, how: How, wanted: tuple[str, ...], style: str | None, **options: Any) -> None:
+def embed(
+    work: WorkDir, how: How, wanted: tuple[str, ...], style: str | None, **options: Any
+) -> None:
     """Turn the captions of every dataset into text embeddings, each distinct text once.
 
     \b
@@ -99,7 +101,7 @@ def embed(work: Work, how: How, wanted: tuple[str, ...], style: str | None, **op
 @click.option("--source", help="Which segments, when there are several.")
 @click_options(proposals_build)
 def embed_proposals(
-    work: Work, how: How, wanted: tuple[str, ...], source: str | None, **options: Any
+    work: WorkDir, how: How, wanted: tuple[str, ...], source: str | None, **options: Any
 ) -> None:
     """Lay the detector's features of each image's objects side by side, for the head `proposals`.
 
@@ -117,7 +119,7 @@ def embed_proposals(
 @one_dataset
 @click_options(embed_images_build, hidden=stages.GIVEN)
 def embed_images(
-    work: Work, how: How, dataset: str, root: Path | None, given: dict, **options: Any
+    work: WorkDir, how: How, dataset: str, root: Path | None, given: dict, **options: Any
 ) -> None:
     """Turn the images of a dataset into features, for a head that learns from images.
 
@@ -135,7 +137,7 @@ def embed_images(
 @one_dataset
 @click_options(depth_build, hidden=stages.GIVEN)
 def depth(
-    work: Work, how: How, dataset: str, root: Path | None, given: dict, **options: Any
+    work: WorkDir, how: How, dataset: str, root: Path | None, given: dict, **options: Any
 ) -> None:
     """Relative depth of a model, or from files, beside the ground truth.
 
@@ -152,7 +154,7 @@ def depth(
 @running
 @click.option("--root", "roots", multiple=True, callback=key_values, metavar="DATASET=DIR")
 @click.option("--set", "changes", multiple=True, callback=key_values, metavar="STAGE.OPTION=VALUE")
-def run(work: Work, how: How, job: str, roots: dict, changes: dict) -> None:
+def run(work: WorkDir, how: How, job: str, roots: dict, changes: dict) -> None:
     """Run a job file: a whole chain with its options.
 
     \b
@@ -167,7 +169,7 @@ def run(work: Work, how: How, job: str, roots: dict, changes: dict) -> None:
 @click.command("retry-failed")
 @running
 @click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
-def retry_failed(work: Work, how: How, wanted: tuple[str, ...]) -> None:
+def retry_failed(work: WorkDir, how: How, wanted: tuple[str, ...]) -> None:
     """Do the parts with failed rows again, after the input has been mended.
 
     \b

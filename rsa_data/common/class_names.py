@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..registry import unknown
 from . import forms
-from .errors import RsaDataError
+from .errors import RsaDataError, unknown
 
 _FORM = {"first?": "a class number", "count?": "a class number"}
 _TABLES = Path(__file__).parent / "class_tables.toml"

@@ -18,9 +18,8 @@ import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .. import registry
 from . import forms, onnx_external
-from .errors import RsaDataError, UsageError
+from .errors import RsaDataError, UsageError, unknown
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -53,7 +52,7 @@ def card_path(name: str) -> Path:
     """The file of a shipped card; raises UsageError, with the nearest name, when there is none."""
     path = _CARDS / f"{name}.toml"
     if not path.is_file():
-        raise registry.unknown("model", name, (p.stem for p in _CARDS.glob("*.toml")))
+        raise unknown("model", name, (p.stem for p in _CARDS.glob("*.toml")))
     return path
 
 
@@ -61,7 +60,7 @@ def card_of(kind: str, name: str) -> Card:
     """The shipped card `name`; raises UsageError when there is none of that kind."""
     card = read_card(card_path(name))
     if card.get("kind") != kind:
-        raise registry.unknown(f"{kind} model", name, names(kind))
+        raise unknown(f"{kind} model", name, names(kind))
     return card
 
 

@@ -14,8 +14,7 @@ from typing import Any
 
 import click
 
-from ..registry import unknown
-from .errors import UsageError
+from .errors import UsageError, unknown
 
 
 def parameters(function: Callable[..., Any]) -> dict[str, inspect.Parameter]:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..embeddings.encoder import Ids
 from .errors import RsaDataError
 from .forms import is_path
+from .tokenizers import Ids
 
 # What a folder may hold that decides features. Pickled weights (.bin, .pt) are not among them, and
 # neither is code.

@@ -1,7 +1,6 @@
 """Tokenizers as captions and text encoders see them: counts, ids, the limit, a fingerprint."""
 
 import hashlib
-import inspect
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import registry
 from . import forms
-from .errors import RsaDataError, UsageError
+from .errors import RsaDataError
+
+Ids = Sequence[Sequence[int]]
+"""Tokens of each text, start and end included, cut at what the encoder reads."""
 
 
 @dataclass(frozen=True)
@@ -164,14 +165,3 @@ def _read(path: Path, form: Any) -> Any:
         return forms.check(json.loads(path.read_text("utf-8")), form, str(path))
     except (OSError, ValueError, RecursionError) as error:
         raise RsaDataError(f"{path}: expected JSON: {error}") from error
-
-
-def named(choice: str) -> Tokenizer:
-    """The tokenizer of registry.TOKENIZERS that `NAME` or `NAME:ARGUMENT` stands for."""
-    name, colon, argument = choice.partition(":")
-    build = registry.resolve("tokenizer", registry.TOKENIZERS, name)
-    takes = bool(inspect.signature(build).parameters)
-    if takes != bool(colon):
-        expected = f"{name}:NAME_OR_DIR" if takes else name
-        raise UsageError(f"tokenizer: expected {expected}, found {choice!r}")
-    return build(argument) if takes else build()

@@ -13,7 +13,7 @@ from .. import registry
 from ..common import options as option_binding
 from ..common.errors import RsaDataError, UsageError
 from ..store import schemas
-from ..store.tables import Work, fingerprint
+from ..store.tables import WorkDir, fingerprint
 from .dataset import Dataset
 from .roots import is_remote, open_root
 
@@ -49,7 +49,7 @@ def _part_sizes(*, part_size: int = 2000, test_part_size: int = 100) -> None:
     """
 
 
-def load_dataset(work: Work, name: str) -> Dataset:
+def load_dataset(work: WorkDir, name: str) -> Dataset:
     """The dataset that a work dir has under `name`, with the options it was indexed with."""
     kept = dict(work.table(name, "samples").description()["options"])
     builder = kept.pop("dataset")
@@ -57,7 +57,7 @@ def load_dataset(work: Work, name: str) -> Dataset:
     return open_dataset(f"{builder}:{name}", {k: v for k, v in kept.items() if k in known})[0]
 
 
-def find_root(work: Work, name: str, given: Path | None = None) -> Path | None:
+def find_root(work: WorkDir, name: str, given: Path | None = None) -> Path | None:
     """Where a dataset's files lie: --root, RSA_DATA_NAME_ROOT, where they lay last, data/NAME.
 
     None when there is no such folder and none was asked for by name.
@@ -83,7 +83,7 @@ def missing_root(dataset: Dataset) -> RsaDataError:
 
 
 def index(
-    work: Work,
+    work: WorkDir,
     dataset: Dataset,
     kept: Mapping[str, Any],
     *,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from .. import registry
 from ..common.errors import RsaDataError
+from ..common.extras import extras
 from .dataset import Dataset
 from .depth_files import png16
 from .listing import Sample, files_below, guide, require_folder, stem, to_table
@@ -92,7 +92,7 @@ def _frames(
 
     Whatever the two files raise while they are read becomes an RsaDataError.
     """
-    with registry.extras("dataset 'nyuv2-labeled'"):
+    with extras("dataset 'nyuv2-labeled'"):
         import h5py
         import scipy.io
     try:

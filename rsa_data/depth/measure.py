@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from .. import registry
-from ..common.errors import RowError, UsageError
+from ..common.errors import RowError, UsageError, unknown
 from ..common.prefetch import each
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
@@ -86,7 +86,7 @@ def files(
     """
     name, _colon, argument = depth_model.partition(":")
     if name not in registry.DEPTH_MODELS:
-        raise registry.unknown("depth model", name, registry.DEPTH_MODELS)
+        raise unknown("depth model", name, registry.DEPTH_MODELS)
     if name == "files":
         if argument and not Path(argument).is_dir():
             raise UsageError(f"depth model {depth_model}: there is no such folder")

@@ -1,17 +1,16 @@
 """Encoders: frozen networks that turn a text or an image into one vector."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from ..common.tokenizers import Ids as Ids
+
 if TYPE_CHECKING:
     import torch
-
-Ids = Sequence[Sequence[int]]
-"""Tokens of each text, start and end included, cut at what the encoder reads."""
 
 Batch = tuple[np.ndarray, dict[str, np.ndarray]]
 """Row numbers of the batch's texts, int of shape (b,), and the encoder's inputs by name."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import RsaDataError
-from ..registry import extras
+from ..common.extras import extras
 from .encoder import TextModel
 from .runtime import in_onnx, in_torch
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..common import forms
 from ..common.errors import RsaDataError
+from ..common.extras import extras
 from ..common.pretrained import folder_files, load_model
-from ..registry import extras
 from .batches import LENGTH_AXES, by_length
 from .encoder import Encoder, Ids, TextModel
 

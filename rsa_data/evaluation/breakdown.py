@@ -7,11 +7,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .metrics import METRICS
 
 
-def described(work: Work, dataset: str, captions: str, numbers: Sequence[int]) -> pd.DataFrame:
+def described(work: WorkDir, dataset: str, captions: str, numbers: Sequence[int]) -> pd.DataFrame:
     """What the plain caption of each image holds: sample_id, n_objects, n_kept, area, area_kept."""
     columns = ["sample_id", "variant", "n_objects", "n_kept", "area", "area_kept"]
     parts = [work.table(dataset, captions).read(n, columns) for n in numbers]
@@ -53,7 +53,7 @@ def by_group(metrics: pd.DataFrame, about: pd.DataFrame, metric: str = "abs_rel"
 
 
 def by_description(
-    work: Work, dataset: str, captions: str, numbers: Sequence[int], metrics: pd.DataFrame
+    work: WorkDir, dataset: str, captions: str, numbers: Sequence[int], metrics: pd.DataFrame
 ) -> pd.DataFrame:
     """Mean errors of each method by number of objects, by share covered and by class.
 
@@ -92,7 +92,7 @@ def by_description(
     )
 
 
-def _classes(work: Work, dataset: str, segments: str, numbers: Sequence[int]) -> pd.DataFrame:
+def _classes(work: WorkDir, dataset: str, segments: str, numbers: Sequence[int]) -> pd.DataFrame:
     """A row for each image and class in it."""
     shows = []
     for n in numbers:

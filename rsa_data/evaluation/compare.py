@@ -8,9 +8,9 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .. import registry
+from ..common.errors import unknown
 from ..store import schemas
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import breakdown, formats, plots
 from .constants import fit_constants
 from .contenders import Entry, has_training, inputs_of, methods_of, plans, train
@@ -25,7 +25,7 @@ from .summary import summarise
 
 
 def compare(
-    work: Work,
+    work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
     *,
     name: str = "comparison",
@@ -77,7 +77,7 @@ def compare(
     Writes metrics, summaries and plots to WORK/comparisons/NAME.
     """
     if protocol not in PROTOCOLS:
-        raise registry.unknown("protocol", protocol, PROTOCOLS)
+        raise unknown("protocol", protocol, PROTOCOLS)
     names = with_split(work, datasets, split)
     learn = [d for d in names if d not in zero_shot and has_training(work, d)]
     kinds = plans(learn, *inputs_of(work, names, style, encoder), inputs, subsets)
@@ -150,7 +150,9 @@ def merge_seeds(table: pa.Table) -> tuple[pa.Table, list[str]]:
     return pa.Table.from_pandas(merged, preserve_index=False), lines
 
 
-def _hard(work: Work, text: Entry, names: Sequence[str], merged: pa.Table, split: str) -> list[str]:
+def _hard(
+    work: WorkDir, text: Entry, names: Sequence[str], merged: pa.Table, split: str
+) -> list[str]:
     """AbsRel of the hard images of each dataset, as text."""
     frame = merged.to_pandas()
     found = []
@@ -166,7 +168,7 @@ def _hard(work: Work, text: Entry, names: Sequence[str], merged: pa.Table, split
 
 
 def _error_bars(
-    work: Work, text: Entry, names: Sequence[str], ranges: Mapping[str, Rules], split: str
+    work: WorkDir, text: Entry, names: Sequence[str], ranges: Mapping[str, Rules], split: str
 ) -> tuple[dict[str, list[dict[str, float]]], list[str]]:
     """Calibration of the spread over caption variants for each dataset, and sentences about it."""
     bars, lines = {}, []

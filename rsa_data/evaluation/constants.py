@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ..common.errors import RsaDataError
-from ..store.tables import Work
+from ..store.tables import WorkDir
 
 
 def fit_constant(
@@ -57,7 +57,7 @@ def fit_constant(
 
 
 def training_pixels(
-    work: Work, dataset: str, depth: str, images: int = 1000, pixels: int = 64
+    work: WorkDir, dataset: str, depth: str, images: int = 1000, pixels: int = 64
 ) -> tuple[np.ndarray, np.ndarray]:
     """(y, depth in m) of pixels of the training images of a dataset, float32 of shape (n,).
 
@@ -90,7 +90,7 @@ def training_pixels(
 
 
 def fit_constants(
-    work: Work,
+    work: WorkDir,
     depths: Mapping[str, str],
     limits: Mapping[str, tuple[float, float]],
     trained_on: Iterable[str],

@@ -5,10 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
-from ..registry import unknown
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .inputs import TestPart
 from .methods import Method, by_head, head_method
 from .scenes import one_description
@@ -36,7 +35,7 @@ class Entry:
 
 
 def inputs_of(
-    work: Work, names: Sequence[str], style: str | None, encoder: str | None
+    work: WorkDir, names: Sequence[str], style: str | None, encoder: str | None
 ) -> tuple[str, str, list[tuple[str, str]]]:
     """The captions' style, the text encoder, and (kind, encoder) of what else every dataset has.
 
@@ -64,7 +63,7 @@ def inputs_of(
     return *texts[0], others
 
 
-def has_training(work: Work, dataset: str) -> bool:
+def has_training(work: WorkDir, dataset: str) -> bool:
     """Whether a dataset has images that may be trained on."""
     tests = index.load_dataset(work, dataset).test_splits
     samples = work.table(dataset, "samples")
@@ -121,7 +120,7 @@ def plans(
 
 
 def train(
-    work: Work,
+    work: WorkDir,
     bar: Callable[[str, int], Any] | None,
     name: str,
     label: str,

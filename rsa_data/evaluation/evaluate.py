@@ -8,9 +8,8 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
-from .. import registry
-from ..common.errors import UsageError
-from ..store.tables import Work
+from ..common.errors import UsageError, unknown
+from ..store.tables import WorkDir
 from . import output
 from .breakdown import by_description
 from .constants import fit_constants
@@ -39,7 +38,7 @@ class Evaluation:
 
 
 def evaluate(
-    work: Work,
+    work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
     *,
     head: str = "head",
@@ -78,7 +77,7 @@ def evaluate(
     from ..heads.checkpoint import ScaleHead
 
     if protocol not in PROTOCOLS:
-        raise registry.unknown("protocol", protocol, PROTOCOLS)
+        raise unknown("protocol", protocol, PROTOCOLS)
     if compare not in (None, "paper"):
         raise UsageError(f"--compare: expected paper, found {compare!r}")
     heads = {

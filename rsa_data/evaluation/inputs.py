@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from ..common.errors import RowError, RsaDataError
 from ..store import schemas
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .protocols import Rules
 
 
@@ -39,7 +39,7 @@ class TestPart:
 
     __test__ = False  # not a test, whatever pytest thinks of its name
 
-    work: Work
+    work: WorkDir
     dataset: str
     number: int
     depth: str

@@ -7,13 +7,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..store import schemas
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .formats import FORMATS
 from .summary import Row
 
 
 def write(
-    work: Work, folder: str, table: pa.Table, rows: Sequence[Row], title: str, notes: Sequence[str]
+    work: WorkDir,
+    folder: str,
+    table: pa.Table,
+    rows: Sequence[Row],
+    title: str,
+    notes: Sequence[str],
 ) -> str:
     """Writes metrics.parquet and summary.{md,tex,csv,txt} to `folder`; returns summary.txt."""
     schemas.check("metrics", table)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..common.errors import RowError
+from ..common.errors import RowError, unknown
 from ..datasets.dataset import Dataset
-from ..registry import unknown
 
 # (height, width) -> bool array of that shape, True where pixels count.
 Region = Callable[[int, int], np.ndarray]

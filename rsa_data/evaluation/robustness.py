@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from .. import registry
-from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.errors import RowError, RsaDataError, UsageError, unknown
 from ..store import schemas
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import output
 from .evaluate import Evaluation
 from .inputs import Image, TestPart, rows_of
@@ -47,7 +46,7 @@ _INDOOR_METRES = 60.0
 
 
 def robustness(
-    work: Work,
+    work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
     *,
     head: str = "head",
@@ -80,7 +79,7 @@ def robustness(
     from ..heads.checkpoint import ScaleHead
 
     if protocol not in PROTOCOLS:
-        raise registry.unknown("protocol", protocol, PROTOCOLS)
+        raise unknown("protocol", protocol, PROTOCOLS)
     loaded = ScaleHead.load(f"{work.store.location}/heads/{head}")
     if loaded.description.get("options", {}).get("control", "none") != "none":
         raise UsageError(f"--head {head}: a control does not read the description")
@@ -107,7 +106,7 @@ def robustness(
 
 
 def robustness_methods(
-    work: Work,
+    work: WorkDir,
     head: "ScaleHead",
     source: "Source",
     *,
@@ -148,7 +147,7 @@ def robustness_methods(
     return methods | other_captions(work, head, source)
 
 
-def other_captions(work: Work, head: "ScaleHead", source: "Source") -> dict[str, Method]:
+def other_captions(work: WorkDir, head: "ScaleHead", source: "Source") -> dict[str, Method]:
     """The head on the dataset's other captions that its encoder has embedded, by style."""
     encoder = source.embeddings.split("/")[-1]
     found = {}
@@ -160,7 +159,7 @@ def other_captions(work: Work, head: "ScaleHead", source: "Source") -> dict[str,
     return found
 
 
-def _has(work: Work, source: "Source", embeddings: str) -> bool:
+def _has(work: WorkDir, source: "Source", embeddings: str) -> bool:
     """Whether a table is there and made as the head's own embeddings are."""
     table, own = (
         work.table(source.dataset, embeddings),

@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .. import registry
-from ..common.errors import RsaDataError
+from ..common.errors import RsaDataError, unknown
 from ..datasets import index
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .inputs import TestPart
 from .protocols import Rules, rules
 
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
     from ..heads.train.examples import Source
 
 
-def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:
+def with_split(work: WorkDir, datasets: Sequence[str], split: str) -> list[str]:
     """The datasets asked for, or all of the work dir that have the split.
 
     Raises UsageError for one that is not there, RsaDataError when none has the split.
@@ -22,7 +21,7 @@ def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:
     there = work.datasets()
     for name in datasets:
         if name not in there:
-            raise registry.unknown("dataset in this work dir", name, there)
+            raise unknown("dataset in this work dir", name, there)
     splits = {}
     for name in datasets or there:
         samples = work.table(name, "samples")
@@ -40,7 +39,7 @@ def with_split(work: Work, datasets: Sequence[str], split: str) -> list[str]:
 
 
 def tables_of(
-    work: Work,
+    work: WorkDir,
     about: Mapping[str, Any],
     names: Sequence[str],
     style: str | None = None,
@@ -90,13 +89,13 @@ def _same(kind: str, wanted: dict[str, Any], where: str, found: dict[str, Any]) 
     belong.same(kind, {"the head": wanted, where: found})
 
 
-def rules_of(work: Work, name: str, protocol: str) -> Rules:
+def rules_of(work: WorkDir, name: str, protocol: str) -> Rules:
     """The protocol's rules for a dataset of the work dir."""
     kind = work.table(name, "samples").description()["options"]["dataset"]
     return rules(protocol, index.load_dataset(work, name), kind)
 
 
-def parts_of(work: Work, name: str, depth: str, split: str) -> list[TestPart]:
+def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]:
     """The parts of a split, in order. Raises RsaDataError where depth is not done for all."""
     samples, table = work.table(name, "samples"), work.table(name, depth)
     numbers = [n for n in samples.parts() if samples.receipt(n)["split"] == split]

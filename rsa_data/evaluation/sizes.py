@@ -10,7 +10,7 @@ import numpy as np
 
 from ..captions.words import clean
 from ..common.errors import RowError
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .inputs import Image, TestPart
 from .methods import Method, Prediction, scaled
 
@@ -94,7 +94,7 @@ def _objects(image: Image, row: dict[str, Any] | None) -> tuple[np.ndarray, np.n
     return columns_[:, 0], columns_[:, 1], columns_[:, 2]
 
 
-def has_sizes(work: Work, dataset: str, captions: str | None, part: TestPart) -> str | None:
+def has_sizes(work: WorkDir, dataset: str, captions: str | None, part: TestPart) -> str | None:
     """The segments table that the baseline can be made from: it has boxes, samples have fy."""
     if not captions or all(sample["fy"] is None for sample in part.samples):
         return None

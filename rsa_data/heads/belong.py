@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..common.errors import RsaDataError, UsageError
-from ..registry import unknown
+from ..common.errors import RsaDataError, UsageError, unknown
 from ..store import schemas
-from ..store.tables import Parts, Work, fingerprint
+from ..store.tables import Table, WorkDir, fingerprint
 from .train.examples import Source
 
 # Options of a stage that change how fast or how exactly something is computed or kept, or which
@@ -19,7 +18,7 @@ _INDIFFERENT = ("threads", "store", "runtime", "device", "pixels", "seed")
 _PER_DATASET = ("geometry", "crop")
 
 
-def features_identity(table: Parts) -> dict[str, Any]:
+def features_identity(table: Table) -> dict[str, Any]:
     """What features are: style, encoder, its options and the sha256 of its files."""
     description = table.description()
     _, style, encoder = table.name.split("/")
@@ -33,7 +32,7 @@ def features_identity(table: Parts) -> dict[str, Any]:
     }
 
 
-def features_of(work: Work, source: Source) -> dict[str, Any]:
+def features_of(work: WorkDir, source: Source) -> dict[str, Any]:
     """What the features of a source are: of its table, or of both its tables one after another."""
     identity = features_identity(work.table(source.dataset, source.embeddings))
     if not source.images:
@@ -42,12 +41,12 @@ def features_of(work: Work, source: Source) -> dict[str, Any]:
     return identity | {"encoder": f"{identity['encoder']}+{images['encoder']}", "images": images}
 
 
-def width(table: Parts, number: int) -> int:
+def width(table: Table, number: int) -> int:
     """Length of a feature of an embeddings table."""
     return schemas.embedding_array(table.read(number, ["embedding"]).slice(0, 1)).shape[1]
 
 
-def depth_identity(table: Parts) -> tuple[dict[str, Any], dict[str, Any]]:
+def depth_identity(table: Table) -> tuple[dict[str, Any], dict[str, Any]]:
     """What y is: (model, its options and files; the geometry this dataset's images had)."""
     description = table.description()
     options = {k: v for k, v in description["options"].items() if k not in _INDIFFERENT}
@@ -83,7 +82,7 @@ def same(kind: str, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def sources(
-    work: Work,
+    work: WorkDir,
     datasets: Sequence[str],
     style: str | None,
     encoder: str | None,
@@ -152,7 +151,7 @@ def _only(dataset: str, kind: str, found: list[list[str]], by: str, make: str) -
     return found[0]
 
 
-def current(work: Work, source: Source, number: int) -> dict[str, str]:
+def current(work: WorkDir, source: Source, number: int) -> dict[str, str]:
     """Digests of the part in each table of a source, by table.
 
     Raises RsaDataError when a table has no such part yet, or made it from another part than the

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..common.errors import RsaDataError
-from ..store.tables import Work
+from ..store.tables import WorkDir
 
 if TYPE_CHECKING:
     from .checkpoint import ScaleHead
@@ -97,7 +97,9 @@ def read_released(path: Path) -> "ScaleHead":
         raise RsaDataError(f"{path}: {error}") from error
 
 
-def import_head(work: Work, file: Path, *, name: str | None = None) -> tuple[str, dict[str, Any]]:
+def import_head(
+    work: WorkDir, file: Path, *, name: str | None = None
+) -> tuple[str, dict[str, Any]]:
     """Reads a released checkpoint and writes it as a head of a work dir.
 
     Parameters

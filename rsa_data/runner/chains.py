@@ -7,11 +7,11 @@ from typing import Any
 
 from .. import registry
 from ..captions.write import needs_segments
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import is_remote
 from ..segments.rsa_release import index_release
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import plan as planning
 from . import runs, stages
 from .engines import pool
@@ -39,7 +39,7 @@ class How:
 
 
 def samples(
-    work: Work,
+    work: WorkDir,
     choice: str,
     given: Mapping[str, Any],
     *,
@@ -96,11 +96,11 @@ def check_names(*, source: str | None = None, style: str | None = None, own: boo
         ("style", registry.STYLES, style),
     ):
         if choice is not None and (name := choice.partition(":")[0]) not in table:
-            raise registry.unknown(kind, name, table)
+            raise unknown(kind, name, table)
 
 
 def stage(
-    work: Work,
+    work: WorkDir,
     name: str,
     dataset: str,
     options: Mapping[str, Any],
@@ -140,7 +140,7 @@ def _all_done(summary: Summary) -> None:
 
 
 def captions(
-    work: Work,
+    work: WorkDir,
     dataset: str,
     options: Mapping[str, Any],
     how: How,
@@ -177,7 +177,7 @@ def captions(
 
 
 def embed(
-    work: Work, dataset: str, options: Mapping[str, Any], how: How, *, style: str | None = None
+    work: WorkDir, dataset: str, options: Mapping[str, Any], how: How, *, style: str | None = None
 ) -> Summary:
     """Embeddings of a dataset's captions: of the style asked for, or the only one there is."""
     upstream = stages.choose(work, dataset, "captions", style, "--style")
@@ -185,19 +185,19 @@ def embed(
 
 
 def proposals(
-    work: Work, dataset: str, options: Mapping[str, Any], how: How, *, source: str | None = None
+    work: WorkDir, dataset: str, options: Mapping[str, Any], how: How, *, source: str | None = None
 ) -> Summary:
     """Detector features of a dataset's segments: of the source asked for, or the only one."""
     upstream = stages.choose(work, dataset, "segments", source, "--source")
     return stage(work, "embed-proposals", dataset, options, how, upstream=upstream)
 
 
-def known_datasets(work: Work, wanted: tuple[str, ...]) -> list[str]:
+def known_datasets(work: WorkDir, wanted: tuple[str, ...]) -> list[str]:
     """The datasets asked for, or every dataset in the work dir; RsaDataError when there is none."""
     there = work.datasets()
     for name in wanted:
         if name not in there:
-            raise registry.unknown("dataset in this work dir", name, there)
+            raise unknown("dataset in this work dir", name, there)
     if not there:
         raise RsaDataError(
             f"{work.store.location}: no dataset there yet. Begin with "
@@ -206,7 +206,7 @@ def known_datasets(work: Work, wanted: tuple[str, ...]) -> list[str]:
     return list(wanted) or there
 
 
-def retry_failed(work: Work, datasets: list[str], how: How) -> None:
+def retry_failed(work: WorkDir, datasets: list[str], how: How) -> None:
     """Does the parts with failed rows again, in the order data flows, and what came from them.
 
     Parts that were never done are left to their own command. Raises RsaDataError when a table was

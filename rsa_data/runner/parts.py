@@ -11,7 +11,7 @@ from ..common import options
 from ..common.errors import RsaDataError, TransientError
 from ..datasets import index
 from ..datasets.roots import open_root
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from .fingerprints import part_fingerprint, part_inputs, same
 from .stages import STAGES, Job, Step
 
@@ -22,7 +22,7 @@ def build_step(job: Job) -> Step:
     known = options.parameters(build)
     given: dict[str, Any] = {}
     if "dataset" in known:
-        given["dataset"] = index.load_dataset(Work(job.work), job.dataset)
+        given["dataset"] = index.load_dataset(WorkDir(job.work), job.dataset)
     if "root" in known:
         given["root"] = open_root(job.root) if job.root else None
     return build(**given, **job.options)

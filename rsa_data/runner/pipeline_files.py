@@ -24,11 +24,11 @@ from typing import Any
 
 from .. import registry
 from ..common import forms, options
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import open_root
 from ..store import schemas
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import chains, stages
 from .chains import How
 
@@ -61,9 +61,7 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]
     shipped = schemas.shipped("pipelines") / f"{path}.toml"
     file = path if path.is_file() else shipped
     if not file.is_file():
-        raise registry.unknown(
-            "job file", str(path), [p.stem for p in shipped.parent.glob("*.toml")]
-        )
+        raise unknown("job file", str(path), [p.stem for p in shipped.parent.glob("*.toml")])
     try:
         job = tomllib.loads(file.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -78,7 +76,7 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]
         place[last] = value
     for name in job:
         if name not in _TOP:
-            raise UsageError(f"{path}: {registry.unknown('table', name, _TOP)}")
+            raise UsageError(f"{path}: {unknown('table', name, _TOP)}")
     try:
         forms.check(job, _FORM, str(path))
         for name in _WHOLE:
@@ -115,13 +113,13 @@ def _split(entry: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any], di
     own = {k: v for k, v in entry.items() if isinstance(v, dict)}
     for stage in own:
         if stage not in _ROW_STAGES:
-            raise registry.unknown(f"stage in [dataset.{name}]", stage, _ROW_STAGES)
+            raise unknown(f"stage in [dataset.{name}]", stage, _ROW_STAGES)
     rest = {k: v for k, v in entry.items() if k not in own and k not in ("builder", "root")}
     return entry.get("builder", name), rest, own
 
 
 def run(
-    work: Work, job: Mapping[str, Any], how: How, tell_whole: Callable[[str, Any], None]
+    work: WorkDir, job: Mapping[str, Any], how: How, tell_whole: Callable[[str, Any], None]
 ) -> None:
     """Runs a loaded job: the row stages over each dataset, then what works on whole tables.
 

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..common.units import duration, size
-from ..store.tables import Work, encoded
+from ..store.tables import WorkDir, encoded
 from . import fingerprints, runs
 from . import parts as steps
 from .stages import Job
@@ -43,7 +43,7 @@ def plan(
 
     Raises RsaDataError as a run would: for missing inputs, models, or options that do not fit.
     """
-    work, output = Work(job.work), job.table(job.output)
+    work, output = WorkDir(job.work), job.table(job.output)
     numbers = runs.select(work, job.dataset, split, part_range)
     runs.need_inputs(job, numbers)
     description = fingerprints.describe(job)

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from ..common.errors import RsaDataError, TransientError, UsageError
 from ..store.logs import RunLog
-from ..store.tables import Work
+from ..store.tables import WorkDir
 from . import fingerprints, limits, parts, stages
 from .engines import pool
 from .engines.pool import Result, Task
@@ -45,7 +45,7 @@ def run(
         this run (float, 0 to 1). bar : (title, total rows) -> something that shows progress.
     """
     begun = time.monotonic()
-    work, output = Work(job.work), job.table(job.output)
+    work, output = WorkDir(job.work), job.table(job.output)
     if start_over:
         output.start_over()
     numbers = select(work, job.dataset, split, part_range)
@@ -209,7 +209,7 @@ def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
 
 
 def select(
-    work: Work, dataset: str, split: str | None, part_range: tuple[int, int] | None
+    work: WorkDir, dataset: str, split: str | None, part_range: tuple[int, int] | None
 ) -> list[int]:
     """Part numbers of a dataset, of one split and range if asked for."""
     samples = work.table(dataset, "samples")

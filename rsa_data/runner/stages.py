@@ -19,7 +19,7 @@ import pyarrow as pa
 from ..common import options
 from ..common.errors import RsaDataError, UsageError
 from ..datasets import index
-from ..store.tables import Parts, Work, to_json
+from ..store.tables import Table, WorkDir, to_json
 from .fingerprints import plain
 
 Step = Callable[..., pa.Table]
@@ -109,9 +109,9 @@ class Job:
     output: str
     root: str | None
 
-    def table(self, name: str) -> Parts:
+    def table(self, name: str) -> Table:
         """One of the job's tables."""
-        return Work(self.work).table(self.dataset, name)
+        return WorkDir(self.work).table(self.dataset, name)
 
 
 def name_of(choice: str) -> str:
@@ -124,7 +124,7 @@ def name_of(choice: str) -> str:
     return f"{name}-{Path(argument).name}" if argument and name in ("hf", "files") else name
 
 
-def choose(work: Work, dataset: str, kind: str, wanted: str | None, option: str) -> str:
+def choose(work: WorkDir, dataset: str, kind: str, wanted: str | None, option: str) -> str:
     """The table `KIND/...` of a dataset: the wanted one, or the only one there is."""
     there = [name for name in work.tables(dataset) if name.startswith(kind + "/")]
     if wanted is not None:
@@ -146,7 +146,7 @@ _MAKES = {"segments": "detect", "captions": "captions", "embeddings": "embed", "
 
 
 def job(
-    work: Work,
+    work: WorkDir,
     stage: str,
     dataset: str,
     given: dict[str, Any],
@@ -178,7 +178,7 @@ def job(
     )
 
 
-def job_of(work: Work, dataset: str, table: str) -> Job:
+def job_of(work: WorkDir, dataset: str, table: str) -> Job:
     """The job that makes a table that is there, from what its last run has left beside it.
 
     Raises RsaDataError when table.json names other inputs than its stage reads.

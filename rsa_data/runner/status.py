@@ -9,13 +9,13 @@ from ..common.units import size
 from ..datasets import index
 from ..heads.description import parse
 from ..store import logs, schemas
-from ..store.tables import Parts, Work, fingerprint
+from ..store.tables import Table, WorkDir, fingerprint
 from . import stages
 
 _ROWS = ("ok", "failed", "skipped")
 
 
-def status(work: Work) -> list[str]:
+def status(work: WorkDir) -> list[str]:
     """One line a table: parts, rows ok, failed, skipped, bytes, rate, and what is out of date."""
     lines: list[str] = []
     for dataset in work.datasets():
@@ -38,7 +38,7 @@ def status(work: Work) -> list[str]:
     return lines or [f"{work.store.location}: no dataset yet"]
 
 
-def stale(work: Work, table: Parts) -> str:
+def stale(work: WorkDir, table: Table) -> str:
     """Says how many parts are out of date, and what to do, or nothing."""
     description = table.description()
     stage = stages.STAGES.get(description["stage"])
@@ -53,14 +53,14 @@ def stale(work: Work, table: Parts) -> str:
     return f"{len(old)} parts out of date" if old else ""
 
 
-def outdated(work: Work, table: Parts) -> set[int]:
+def outdated(work: WorkDir, table: Table) -> set[int]:
     """Parts made from an input that has changed since, or is itself out of date."""
     return _outdated(work, table, {}, {}, ())
 
 
 def _outdated(
-    work: Work,
-    table: Parts,
+    work: WorkDir,
+    table: Table,
     known: dict[str, set[int]],
     digests: dict[str, dict[int, str]],
     above: tuple[str, ...],
@@ -90,13 +90,13 @@ def _outdated(
     return changed
 
 
-def heads(work: Work) -> list[str]:
+def heads(work: WorkDir) -> list[str]:
     """Names of the finished heads."""
     names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
     return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
 
 
-def head_state(work: Work, name: str) -> str:
+def head_state(work: WorkDir, name: str) -> str:
     """Whether the tables that a head was trained on are still the same ones, or nothing to say."""
     try:
         where = f"heads/{name}/head.json"

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from ..common.errors import RsaDataError
 from ..common.units import size
 from ..store import schemas
-from ..store.tables import Parts, Work
+from ..store.tables import Table, WorkDir
 from . import fingerprints, parts, stages, status
 
 # Model outputs on another CPU type, device or library version: the most that a row's values may be
@@ -29,7 +29,7 @@ _HALVES = ("relative", "metric")
 Say = Callable[[str], Any]
 
 
-def verify(work: Work, say: Say) -> int:
+def verify(work: WorkDir, say: Say) -> int:
     """Reads every part of every table again. Says each problem; returns how many there are.
 
     Checked: bytes and sha256 against the receipt, schema, digest of the content, rows accounted
@@ -61,7 +61,7 @@ def verify(work: Work, say: Say) -> int:
 
 
 def _check(
-    work: Work, table: Parts, description: dict[str, Any], receipt: dict[str, Any]
+    work: WorkDir, table: Table, description: dict[str, Any], receipt: dict[str, Any]
 ) -> Iterator[str]:
     number = receipt["part"]
     data = table.store.read(f"{table.path}/{receipt['file']}")
@@ -96,7 +96,7 @@ def _check(
                 yield f"expected {counts}, as its rows say; the receipt says otherwise"
 
 
-def recompute(work: Work, count: int, say: Say, *, seed: int | None = None) -> int:
+def recompute(work: WorkDir, count: int, say: Say, *, seed: int | None = None) -> int:
     """Makes `count` random parts of every stage's tables again and compares; returns problems.
 
     The logical content must be equal; floats may differ by TOLERANCES, which is said. Parts that
@@ -114,7 +114,7 @@ def recompute(work: Work, count: int, say: Say, *, seed: int | None = None) -> i
     return problems
 
 
-def _recompute(work: Work, table: Parts, numbers: list[int], say: Say) -> int:
+def _recompute(work: WorkDir, table: Table, numbers: list[int], say: Say) -> int:
     job = stages.job_of(work, table.dataset, table.name)
     if not fingerprints.same(table.description(), fingerprints.describe(job)):
         say(f"{table}: its options, model files or version are not those of today; left out")

@@ -14,11 +14,11 @@ import pyarrow as pa
 from ..common import class_names
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.extras import extras
 from ..common.prefetch import each
 from ..datasets import images
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
-from ..registry import extras
 from . import coco_json, masks
 from .coco_panoptic import ByFileName, categories
 from .found import Found, to_segments

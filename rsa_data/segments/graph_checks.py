@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import registry
-from ..common.errors import RsaDataError
+from ..common.errors import RsaDataError, unknown
 from .decoding import Decoder
 from .preprocess import Geometry
 
@@ -77,7 +76,7 @@ def _filler(
         )
         return lambda images: np.ones((len(images), *shape), kind)
     if fill not in _FILLS:
-        raise RsaDataError(f"{where}: {registry.unknown('fill', fill, ('ones', *_FILLS))}")
+        raise RsaDataError(f"{where}: {unknown('fill', fill, ('ones', *_FILLS))}")
     return lambda images: np.array([_FILLS[fill](g) for _, g in images], kind)
 
 

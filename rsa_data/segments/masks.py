@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..registry import extras
+from ..common.extras import extras
 
 
 def regions(index: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..common import forms
-from ..common.errors import RowError, RsaDataError
-from ..registry import unknown
+from ..common.errors import RowError, RsaDataError, unknown
 
 
 @dataclass(frozen=True)

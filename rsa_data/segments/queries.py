@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..common.class_names import ClassTable
-from ..registry import unknown
+from ..common.errors import unknown
 from . import masks
 from .decoding import Decoder, Outputs, sigmoid, softmax
 from .found import Found

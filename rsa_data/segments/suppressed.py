@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..common.class_names import ClassTable
-from ..registry import unknown
+from ..common.errors import unknown
 from . import masks
 from .decoding import Decoder, Outputs
 from .found import Found

@@ -15,7 +15,7 @@ from typing import BinaryIO
 import pyarrow as pa
 
 from ..common.errors import RsaDataError, TransientError
-from .stores import failpoint
+from .failpoints import failpoint
 
 
 class LocalStore:

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ..common.errors import RsaDataError
-from .tables import Work
+from .tables import WorkDir
 
 
 class RunLog(logging.Handler):
@@ -22,7 +22,7 @@ class RunLog(logging.Handler):
     {"event": "part", "part": 7, "rows": 2000, "seconds": 12.5, "time": "2025-01-31T12:00:00Z"}.
     """
 
-    def __init__(self, work: Work, dataset: str, table: str):
+    def __init__(self, work: WorkDir, dataset: str, table: str):
         super().__init__(logging.WARNING)
         now = datetime.now(UTC)
         # Down to the microsecond: two runs of one process must not share a file.
@@ -57,7 +57,7 @@ def _prefix(dataset: str, table: str) -> str:
     return f"logs/{dataset}.{table.replace('/', '.')}."
 
 
-def last_run(work: Work, dataset: str, table: str) -> list[dict[str, Any]]:
+def last_run(work: WorkDir, dataset: str, table: str) -> list[dict[str, Any]]:
     """The events of the newest run over a table; none when there is no log of it."""
     start = _prefix(dataset, table).removeprefix("logs/")
     names = [name for name in work.store.list("logs") if name.startswith(start)]

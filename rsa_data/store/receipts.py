@@ -15,7 +15,8 @@ from typing import Any
 from ..common import forms
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import ahead
-from .stores import Store, failpoint
+from .failpoints import failpoint
+from .stores import Store
 
 _RECEIPT = re.compile(r"part-(\d{5,})\.json")
 _DATA = re.compile(r"part-(\d{5,})-[0-9a-f]{12}\.parquet")

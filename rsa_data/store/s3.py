@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 import pyarrow as pa
 
 from ..common.errors import RsaDataError, TransientError
-from ..registry import extras
-from .stores import failpoint
+from ..common.extras import extras
+from .failpoints import failpoint
 
 T = TypeVar("T")
 

@@ -1,11 +1,9 @@
 """Where bytes lie: whole files that appear at once or not at all.
 
 A part is written in one go (one rename, or one PUT), so a store needs no more than these few
-operations. `failpoint` names the moments between them, for tests that kill the process there.
+operations.
 """
 
-import os
-import signal
 from functools import cache
 from pathlib import Path
 from typing import Protocol
@@ -13,21 +11,6 @@ from typing import Protocol
 import pyarrow as pa
 
 from ..common.errors import RsaDataError
-
-_hits: dict[str, int] = {}
-
-
-def failpoint(moment: str) -> None:
-    """Kills this process when RSA_DATA_FAILPOINT names this moment (`rename`, or `rename:3`).
-
-    With a number the third time counts, so that a test can reach a later part. Nothing else
-    happens here.
-    """
-    wanted, _, nth = os.environ.get("RSA_DATA_FAILPOINT", "").partition(":")
-    if wanted == moment:
-        _hits[moment] = _hits.get(moment, 0) + 1
-        if _hits[moment] == int(nth or 1):
-            os.kill(os.getpid(), signal.SIGKILL)
 
 
 class Store(Protocol):

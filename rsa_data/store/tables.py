@@ -1,4 +1,4 @@
-"""Parts: tables that appear part by part, are found whole or not at all.
+"""Tables that appear part by part, are found whole or not at all.
 
 A table is a folder with `table.json` (what made it, created once), files of data such as
 `part-00007-1f0c2ab34d5e.parquet`, and receipts such as `part-00007.json`. A file of data is named
@@ -22,8 +22,9 @@ from . import schemas as tables
 from .encoding import differences, encoded, short
 from .encoding import fingerprint as fingerprint
 from .encoding import to_json as to_json
+from .failpoints import failpoint
 from .receipts import Receipts
-from .stores import failpoint, open_store
+from .stores import open_store
 
 _FORM = {
     "stage": "text",
@@ -35,7 +36,7 @@ _FORM = {
 }
 
 
-class Work:
+class WorkDir:
     """A work dir: every table of every dataset, and the heads."""
 
     def __init__(self, location: str | Path):
@@ -57,15 +58,15 @@ class Work:
             folders += [folder + name for name in names if name.endswith("/")]
         return sorted(found)
 
-    def table(self, dataset: str, name: str) -> "Parts":
+    def table(self, dataset: str, name: str) -> "Table":
         """One table, whether it exists yet or not."""
-        return Parts(self, dataset, name)
+        return Table(self, dataset, name)
 
 
-class Parts(Receipts):
+class Table(Receipts):
     """The parts of one table."""
 
-    def __init__(self, work: Work, dataset: str, name: str):
+    def __init__(self, work: WorkDir, dataset: str, name: str):
         super().__init__(work.store, f"{dataset}/{name}")
         self.dataset, self.name = dataset, name
 
@@ -91,7 +92,7 @@ class Parts(Receipts):
         return found
 
     def _neighbours(self) -> str:
-        work = Work.__new__(Work)
+        work = WorkDir.__new__(WorkDir)
         work.store = self.store
         return ", ".join(work.tables(self.dataset)) or "none"
 

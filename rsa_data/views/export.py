@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from ..common.errors import RsaDataError, UsageError
 from ..runner import stages
 from ..store import schemas
-from ..store.tables import Parts, Work
+from ..store.tables import Table, WorkDir
 
 # Where images come from and under which terms; data/README.md says more.
 _SOURCES = {
@@ -28,7 +28,7 @@ _SOURCES = {
 
 
 def export(
-    work: Work,
+    work: WorkDir,
     *,
     out: Path,
     format: Literal["hf"] = "hf",
@@ -81,12 +81,12 @@ def export(
     return counts
 
 
-def _has(work: Work, dataset: str, embeddings: str | None) -> bool:
+def _has(work: WorkDir, dataset: str, embeddings: str | None) -> bool:
     prefix = f"embeddings/{embeddings}" if embeddings else "embeddings/"
     return any(name.startswith(prefix) for name in work.tables(dataset))
 
 
-def _rows(work: Work, table: Parts, number: int) -> pa.Table:
+def _rows(work: WorkDir, table: Table, number: int) -> pa.Table:
     """One part: a row a caption (or an image), its feature as a list."""
     features = table.read(number)
     samples = work.table(table.dataset, "samples").read(number, ["sample_id", "scene", "image"])
@@ -112,7 +112,7 @@ def _rows(work: Work, table: Parts, number: int) -> pa.Table:
     return rows.append_column("embedding", lists)
 
 
-def _card(chosen: dict[str, Parts], counts: dict[str, int]) -> str:
+def _card(chosen: dict[str, Table], counts: dict[str, int]) -> str:
     """README.md: what Hugging Face reads (YAML at its head), then what people read."""
     head = ["---", "license: other", "task_categories:", "- depth-estimation", "configs:"]
     for name in chosen:
@@ -154,7 +154,7 @@ def _source(name: str) -> tuple[str, str]:
     return _SOURCES.get(name, ("a dataset of the exporter's own", "the exporter says"))
 
 
-def _made(name: str, table: Parts) -> tuple[str, ...]:
+def _made(name: str, table: Table) -> tuple[str, ...]:
     description = table.description()
     _, style, encoder = table.name.split("/")
     options = ", ".join(f"{k}={v}" for k, v in description["options"].items() if k != "encoder")

@@ -17,7 +17,7 @@ from rsa_data.captions.choose import Chosen
 from rsa_data.captions.compose import Recipe, compose
 from rsa_data.captions.write import build
 from rsa_data.common.errors import RsaDataError
-from rsa_data.common.tokenizers import Tokenizer, clip, named
+from rsa_data.common.tokenizers import Tokenizer, clip
 from rsa_data.store import schemas
 
 ROOM = objects(
@@ -114,7 +114,7 @@ def test_token_counts_are_those_of_the_real_tokenizer(
         style=style, variants=3, digits=digits, delete=delete, max_tokens=limit, tokenizer=tokenizer
     )
     made = step(table, camera)
-    counter = named(tokenizer)
+    counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
     assert made["n_tokens"].to_pylist() == counter.count(made["text"].to_pylist()).tolist()
     assert max(made["n_tokens"].to_pylist()) <= limit
 

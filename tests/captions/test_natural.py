@@ -11,7 +11,7 @@ from rsa_data.captions.write import build, files, identity, needs_segments
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.runner import chains, pipeline_files
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 
 def imported(
@@ -188,7 +188,7 @@ def test_an_import_through_the_pipeline(tmp_path):
     file = tmp_path / "texts.csv"
     file.write_text("key,text\na.png,A bed.\na.png,A room.\n")
 
-    work = Work(str(tmp_path / "work"))
+    work = WorkDir(str(tmp_path / "work"))
     name = chains.samples(work, "folder:mine", {}, root=tmp_path / "images")
     options = {"style": f"import:{file}"}
     for _ in range(2):
@@ -240,7 +240,7 @@ def test_the_job_for_the_whole_release(shared, tmp_path):
     # VOID's texts are not at hand, and embedding is another test's subject.
     small = {**job, "dataset": {n: job["dataset"][n] for n in ("nyuv2", "kitti")}}
     del small["embed"]
-    work = Work(str(tmp_path / "work"))
+    work = WorkDir(str(tmp_path / "work"))
     pipeline_files.run(work, small, quiet(), lambda step, result: None)
     rows = {
         name: [work.table(name, "captions/release-text").receipt(n)["rows"] for n in range(7)]

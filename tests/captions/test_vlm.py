@@ -20,7 +20,7 @@ from rsa_data.common.errors import RsaDataError, TransientError, UsageError
 from rsa_data.runner import chains
 from rsa_data.runner.chains import How
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 NAMES = ("a", "b", "c")
 
@@ -240,7 +240,7 @@ def test_wrong_options_are_refused(root, options, message):
 
 def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
     server = fake(lambda count, shade: said("x") if shade != 100 else (400, b""))
-    work = Work(tmp_path / "work")
+    work = WorkDir(tmp_path / "work")
     how = How(NoBar, lambda *a: None)
     name = chains.samples(work, "folder:rooms", {}, root=root)
     options = {"style": "vlm", "endpoint": server.address, "prices": "1000,2000"}

@@ -117,8 +117,8 @@ def test_a_file_of_the_users_own(tmp_path):
 
 HUB = """
 import sys
-from rsa_data import models
-from rsa_data.errors import RsaDataError
+from rsa_data.common import models
+from rsa_data.common.errors import RsaDataError
 
 card = {
     "name": "m",

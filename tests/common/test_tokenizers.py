@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rsa_data import registry
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.common.tokenizers import clip, hf, minilm, named
+from rsa_data.common.tokenizers import clip, hf, minilm
 
 NAMES = ["clip", "minilm"]
 TEXTS = [
@@ -76,7 +77,7 @@ def test_minilm_equals_its_own_tokenizer_file():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_counts_are_lengths_of_ids(name):
-    tokenizer = named(name)
+    tokenizer = registry.build("tokenizer", registry.TOKENIZERS, name)
     counts = tokenizer.count(TEXTS)
     assert counts.dtype == np.int32
     assert counts.tolist() == [len(row) for row in tokenizer.ids(TEXTS)]
@@ -86,7 +87,9 @@ def test_counts_are_lengths_of_ids(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_fingerprints_are_those_of_the_vocabulary(name):
-    assert re.fullmatch("[0-9a-f]{64}", named(name).fingerprint)
+    assert re.fullmatch(
+        "[0-9a-f]{64}", registry.build("tokenizer", registry.TOKENIZERS, name).fingerprint
+    )
     assert len({clip().fingerprint, minilm().fingerprint}) == 2
 
 
@@ -102,7 +105,7 @@ def test_fingerprints_are_those_of_the_vocabulary(name):
     )
 )
 def test_tokens_of_words_add_up_at_commas_and_spaces(name, words):
-    tokenizer = named(name)
+    tokenizer = registry.build("tokenizer", registry.TOKENIZERS, name)
     alone = tokenizer.count(words) - tokenizer.specials
     comma = tokenizer.count([","])[0] - tokenizer.specials
     whole = tokenizer.count([", ".join(words)])[0] - tokenizer.specials
@@ -114,7 +117,7 @@ def test_tokens_of_words_add_up_at_commas_and_spaces(name, words):
     "text", ["a" * 100_000, "!" * 100_000, "ab cd " * 16_000, "\x00\x1b\u202e"]
 )
 def test_any_text_is_cut_and_counted(name, text):
-    tokenizer = named(name)
+    tokenizer = registry.build("tokenizer", registry.TOKENIZERS, name)
     ids, truncated = tokenizer.encode([text])
     assert len(ids[0]) <= tokenizer.max_tokens
     assert truncated[0] == (tokenizer.count([text])[0] > tokenizer.max_tokens)
@@ -127,7 +130,7 @@ def minilm_folder() -> Path:
 
 
 def test_hf_reads_any_folder(tmp_path):
-    found = named(f"hf:{minilm_folder()}")
+    found = registry.build("tokenizer", registry.TOKENIZERS, f"hf:{minilm_folder()}")
     assert found.ids(TEXTS) == minilm().ids(TEXTS)
     assert (found.max_tokens, found.specials, found.additive) == (256, 2, False)
     assert found.fingerprint == minilm().fingerprint
@@ -150,15 +153,15 @@ def test_hf_folders_that_lack_something(tmp_path, files, message):
         source = minilm_folder() / "tokenizer.json"
         (tmp_path / name).write_bytes(b"{}" if name == "config.json" else source.read_bytes())
     with pytest.raises(RsaDataError, match=message):
-        named(f"hf:{tmp_path}")
+        registry.build("tokenizer", registry.TOKENIZERS, f"hf:{tmp_path}")
 
 
 @pytest.mark.parametrize("choice", ["hf", "clip:x"])
 def test_an_argument_where_one_is_due(choice):
     with pytest.raises(UsageError, match="tokenizer: expected"):
-        named(choice)
+        registry.build("tokenizer", registry.TOKENIZERS, choice)
 
 
 def test_unknown_tokenizer():
     with pytest.raises(UsageError, match="Did you mean 'clip'"):
-        named("clipp")
+        registry.build("tokenizer", registry.TOKENIZERS, "clipp")

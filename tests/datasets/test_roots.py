@@ -29,7 +29,7 @@ from rsa_data.datasets.void import void
 from rsa_data.runner import chains, runs, stages
 from rsa_data.runner.engines.pool import How
 from rsa_data.store.s3 import S3Store
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 MATRIX = "5e2 0 3.2e2\n0 5.1e2 2.4e2\n0 0 1\n"
 
@@ -217,7 +217,7 @@ def photos(root: Path) -> None:
 GIVEN = {"images": "rgb", "depth": "depth", "depth_unit": "mm", "test_share": 0.25, "part_size": 3}
 
 
-def made(work: Work, root: Path, relative: Path, workers: int = 1) -> dict[str, bytes]:
+def made(work: WorkDir, root: Path, relative: Path, workers: int = 1) -> dict[str, bytes]:
     """The files of the tables that embed-images and depth make of a root."""
     name = chains.samples(work, "folder:photos", GIVEN, root=root)
     for stage, options in (
@@ -248,13 +248,13 @@ def test_stages_write_the_bytes_that_a_folder_gives_in_any_weather(
     tmp_path, far, relative, workers
 ):
     photos(tmp_path / "photos")
-    expected = made(Work(tmp_path / "near"), tmp_path / "photos", relative)
+    expected = made(WorkDir(tmp_path / "near"), tmp_path / "photos", relative)
     root, weather = far(tmp_path / "photos")
     weather.seen = []
     weather.troubles = ["503", "", "half", "cut", "", "lost", ""] * 6
-    assert made(Work(tmp_path / "far"), root, relative, workers) == expected
+    assert made(WorkDir(tmp_path / "far"), root, relative, workers) == expected
     assert {"503", "cut", "half"} <= {kind.partition(" ")[2] for kind in weather.seen}
-    errors = Work(tmp_path / "far").table("photos", "embeddings/images/thumbnail")
+    errors = WorkDir(tmp_path / "far").table("photos", "embeddings/images/thumbnail")
     failed = [e for n in errors.parts() for e in errors.read(n)["error"].to_pylist() if e]
     assert len(failed) == 1 and failed[0].startswith("rgb/3.png: unreadable PNG image")
 
@@ -263,7 +263,7 @@ def test_stages_write_the_bytes_that_a_folder_gives_in_any_weather(
 def test_the_root_is_remembered(tmp_path, far, relative):
     photos(tmp_path / "photos")
     root, _ = far(tmp_path / "photos")
-    work = Work(tmp_path / "work")
+    work = WorkDir(tmp_path / "work")
     chains.samples(work, "folder:photos", GIVEN, root=root)
     assert index.find_root(work, "photos") == root
     assert stages.job(work, "embed-images", "photos", {"encoder": "thumbnail"}).root == str(root)
@@ -299,7 +299,7 @@ def test_a_server_that_stays_away_leaves_the_part_undone(tmp_path, far, monkeypa
 
     roots._files.cache_clear()
     root, weather = far(tmp_path / "photos")
-    work = Work(tmp_path / "work")
+    work = WorkDir(tmp_path / "work")
     name = chains.samples(work, "folder:photos", GIVEN, root=root)
     weather.troubles = ["503"] * 200
     job = stages.job(work, "embed-images", name, {"encoder": "thumbnail"}, root=root)
@@ -362,7 +362,7 @@ def test_other_addresses_are_refused(place, reason):
 def test_a_dataset_that_is_made_needs_a_folder(tmp_path):
     with pytest.raises(UsageError, match="writes its files: expected a folder"):
         chains.samples(
-            Work(tmp_path), "synthetic-indoor", {}, root=open_root("https://example.org/x")
+            WorkDir(tmp_path), "synthetic-indoor", {}, root=open_root("https://example.org/x")
         )
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rsa_data.synthetic
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 from scipy.stats import linregress, spearmanr
 
+import rsa_data.datasets.synthetic
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.datasets.synthetic.builder import categories
 from rsa_data.datasets.synthetic.dataset import synthetic_indoor, synthetic_street

@@ -7,14 +7,14 @@ from test_evaluation import images
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation.compare import compare, merge_seeds
 from rsa_data.evaluation.contenders import inputs_of
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 TEXTS = [["a 0", "a 1", "a 2"], ["a 1", "a 2", "a 3"], ["a 2", "a 3", "a 0"], ["a 3", "a 0", "a 1"]]
 
 
 @pytest.fixture(scope="module")
-def work(tmp_path_factory) -> Work:
-    work = Work(tmp_path_factory.mktemp("work"))
+def work(tmp_path_factory) -> WorkDir:
+    work = WorkDir(tmp_path_factory.mktemp("work"))
     for dataset in ("nyuv2", "void"):
         images(work, dataset, 32, "train", texts=TEXTS * 8)
         images(work, dataset, 8, "test", first_part=1, texts=TEXTS * 2)

@@ -17,12 +17,12 @@ from rsa_data.evaluation.evaluate import evaluate
 from rsa_data.evaluation.metrics import METRICS
 from rsa_data.evaluation.summary import interval
 from rsa_data.heads.train.train_head import train_head
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 SIZE = (6, 8)
 
 
-def images(work: Work, dataset: str, n: int, split: str, first_part: int = 0, **more):
+def images(work: WorkDir, dataset: str, n: int, split: str, first_part: int = 0, **more):
     """n images of 4 kinds of room, whose words tell scale and shift; y and depth of 48 pixels."""
     rng = np.random.default_rng(n)
     kind = np.arange(n) % 4
@@ -50,7 +50,7 @@ FAST = {"batch": 8, "pixels": 48, "validation": 0.2, "threads": 1}
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    work = Work(tmp_path_factory.mktemp("work"))
+    work = WorkDir(tmp_path_factory.mktemp("work"))
     images(work, "nyuv2", 64, "train")
     images(work, "nyuv2", 16, "test", first_part=1)
     train_head(work, epochs=10, **FAST)
@@ -58,12 +58,12 @@ def trained(tmp_path_factory):
 
 
 @pytest.fixture
-def work(trained, tmp_path) -> Work:
+def work(trained, tmp_path) -> WorkDir:
     shutil.copytree(trained, tmp_path / "work")
-    return Work(tmp_path / "work")
+    return WorkDir(tmp_path / "work")
 
 
-def maps(work: Work, dataset: str, part: int):
+def maps(work: WorkDir, dataset: str, part: int):
     table = work.table(dataset, "depth/files").read(part)
     for row in table.to_pylist():
         yield tuple(
@@ -125,7 +125,7 @@ def test_zero_shot_has_a_joint_constant_and_says_so(work):
 
 
 def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
-    work = Work(tmp_path)
+    work = WorkDir(tmp_path)
     images(work, "nyuv2", 64, "train")
     images(work, "nyuv2", 16, "test", first_part=1, failed=(3,))
     train_head(work, epochs=1, **FAST)

@@ -11,7 +11,7 @@ from rsa_data.evaluation.robustness import CHANGES, robustness
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.runner import runs, stages
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 FAST = {"epochs": 1, "batch": 8, "pixels": 16, "threads": 1, "validation": 0.3}
 
@@ -23,7 +23,7 @@ def with_split(table, split):
 
 
 @pytest.fixture(scope="module")
-def work(tmp_path_factory) -> Work:
+def work(tmp_path_factory) -> WorkDir:
     """12 training and 6 test images of one dataset, segments to heads, by the real stages."""
     work = rooms.made(tmp_path_factory.mktemp("work"), parts=2, rows=9)
     samples = work.table("rooms", "samples")

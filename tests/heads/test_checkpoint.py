@@ -12,7 +12,7 @@ from rsa_data.common.errors import RsaDataError
 from rsa_data.heads.checkpoint import build_network
 from rsa_data.heads.released import import_head
 from rsa_data.registry import HEADS
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 OWN = {"fusion": {"text_dim": 24}, "proposals": {"feature_dim": 7}}
 
@@ -28,7 +28,7 @@ def head_of(dim: int = 8, name: str = "linear", mean: float = 0.0, factor: float
 
 @pytest.fixture
 def saved(tmp_path):
-    head_of(name="mlp3").save(Work(tmp_path).store, "heads/x")
+    head_of(name="mlp3").save(WorkDir(tmp_path).store, "heads/x")
     return tmp_path / "heads" / "x"
 
 
@@ -155,7 +155,7 @@ def test_released_heads_equal_an_independent_forward_pass(shared, tmp_path, file
     expected = forward_in_numpy(weights, features.astype(np.float64))
     np.testing.assert_allclose(ScaleHead.load(path)(features), expected, rtol=1e-5)
 
-    work = Work(tmp_path)
+    work = WorkDir(tmp_path)
     where, _ = import_head(work, path, name="released")
     again = ScaleHead.load(where)
     np.testing.assert_array_equal(again(features), ScaleHead.load(path)(features))
@@ -191,5 +191,5 @@ def test_files_that_are_not_released_heads_are_refused(tmp_path, content, messag
     path = tmp_path / "x.pt"
     path.write_bytes(content) if isinstance(content, bytes) else torch.save(content, path)
     with pytest.raises(RsaDataError, match=message):
-        import_head(Work(tmp_path), path)
+        import_head(WorkDir(tmp_path), path)
     assert not (tmp_path / "heads").exists()

@@ -16,15 +16,15 @@ from rsa_data.heads.predict import known_depth
 from rsa_data.heads.predict.images import paraphrases
 from rsa_data.heads.predict.outputs import write_depth
 from rsa_data.heads.predict.predict import predict
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 CAPTION = "a small bathroom with a sink, a mirror and a towel"
 
 
 @pytest.fixture
-def work(tmp_path) -> Work:
+def work(tmp_path) -> WorkDir:
     """A head for minilm, untrained."""
-    work = Work(tmp_path / "work")
+    work = WorkDir(tmp_path / "work")
     features = {"dim": 384, "encoder": "minilm", "files": None}
     features["options"] = {"encoder": "minilm", "normalize": False}
     model = {"model": "files", "options": None, "files": {}, "geometry": {"rooms": {}}}
@@ -216,7 +216,7 @@ def test_ply_holds_points_in_front_of_the_camera(tmp_path):
     assert points["rgb"].tolist() == [[0, 1, 2], [9, 10, 11]]
 
 
-def head_for_images(work: Work) -> None:
+def head_for_images(work: WorkDir) -> None:
     """The head of `work`, with the captions and the depth model of a real training."""
     path = work.store.folder / "heads/head/head.json"
     about = json.loads(path.read_text())

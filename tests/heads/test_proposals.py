@@ -61,12 +61,14 @@ def test_the_pool_is_the_mean_over_the_objects_that_are_there():
 
 def test_a_head_of_proposals_is_saved_with_what_it_needs(tmp_path):
     from rsa_data.heads.checkpoint import build_network
-    from rsa_data.store.tables import Work
+    from rsa_data.store.tables import WorkDir
 
     about = {"format": 1, "architecture": {"name": "proposals", "feature_dim": 3}}
     about["features"] = {"dim": 20}
     network = build_network(about["architecture"], 20)
-    ScaleHead(network, about, torch.zeros(20), torch.ones(20)).save(Work(tmp_path).store, "heads/p")
+    ScaleHead(network, about, torch.zeros(20), torch.ones(20)).save(
+        WorkDir(tmp_path).store, "heads/p"
+    )
     x = np.ones((2, 20), np.float32)
     np.testing.assert_array_equal(
         ScaleHead.load(tmp_path / "heads/p")(x)[0], network(torch.from_numpy(x))[0].numpy()

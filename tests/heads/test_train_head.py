@@ -18,13 +18,13 @@ from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.train.settings import Settings, learning_rate
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 FAST = {"epochs": 6, "batch": 32, "pixels": 32, "threads": 1, "head": "linear", "lr": 0.03}
 PAPER = FAST | {"head": "mlp5", "lr": 1e-3}
 
 
-def toy(work: Work, dataset: str, n: int = 120, size: float = 1.0, rooms: int = 12, **more):
+def toy(work: WorkDir, dataset: str, n: int = 120, size: float = 1.0, rooms: int = 12, **more):
     """n images of 6 kinds of room, whose words tell scale and shift; two variants a caption."""
     rng = np.random.default_rng(list(dataset.encode()))
     kind = rng.integers(6, size=n)
@@ -43,11 +43,11 @@ def toy(work: Work, dataset: str, n: int = 120, size: float = 1.0, rooms: int = 
 
 
 @pytest.fixture
-def work(tmp_path) -> Work:
-    return Work(tmp_path / "work")
+def work(tmp_path) -> WorkDir:
+    return WorkDir(tmp_path / "work")
 
 
-def contents(work: Work, name: str = "head") -> dict[str, bytes]:
+def contents(work: WorkDir, name: str = "head") -> dict[str, bytes]:
     folder = work.store.folder / "heads" / name
     return {f.name: f.read_bytes() for f in sorted(folder.iterdir())}
 
@@ -110,8 +110,9 @@ def test_a_killed_training_goes_on_to_the_same_bytes(work, moment):
     train_head(work, name="whole", **FAST)
     code = (
         "from rsa_data.heads.train.train_head import train_head\n"
-        "from rsa_data.store.tables import Work\n"
-        f"train_head(Work({work.store.location!r}), name='killed', checkpoint_every=0, **{FAST!r})"
+        "from rsa_data.store.tables import WorkDir\n"
+        f"work = WorkDir({work.store.location!r})\n"
+        f"train_head(work, name='killed', checkpoint_every=0, **{FAST!r})"
     )
     env = {**os.environ, "RSA_DATA_FAILPOINT": moment}
     died = subprocess.run([sys.executable, "-c", code], env=env, timeout=120)
@@ -226,7 +227,7 @@ def test_missing_tables_say_what_to_run(work):
         train_head(work, head="mlp")
 
 
-def image_features(work: Work, dataset: str, vectors: np.ndarray, missing: int) -> None:
+def image_features(work: WorkDir, dataset: str, vectors: np.ndarray, missing: int) -> None:
     """embeddings/images/eye of a dataset that `toy` wrote; one image could not be read."""
     table = work.table(dataset, "embeddings/images/eye")
     table.bind(

@@ -17,7 +17,7 @@ from rsa_data.runner import fingerprints, runs
 from rsa_data.runner.engines import pool
 from rsa_data.runner.engines.pool import How, Task
 from rsa_data.store.logs import last_run, rate
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 ENGINES = [
     pytest.param(How(workers=1), id="here"),
@@ -33,7 +33,7 @@ MANY = [
 ]
 
 
-def files(work: Work, table: str = "captions/occupancy") -> dict[str, bytes | None]:
+def files(work: WorkDir, table: str = "captions/occupancy") -> dict[str, bytes | None]:
     """Every file of a table by name: the whole content, hidden files included."""
     folder = Path(work.store.location) / "rooms" / table
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}

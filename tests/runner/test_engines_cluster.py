@@ -17,7 +17,7 @@ from rsa_data.common.errors import RsaDataError
 from rsa_data.runner import runs, stages
 from rsa_data.runner.engines import pool, ray_cluster
 from rsa_data.runner.engines.pool import How, Task
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 PARTS, ROWS, VARIANTS = 60, 500, 20
 HERE = How(workers=2)
@@ -25,8 +25,8 @@ HERE = How(workers=2)
 # The command as it is typed, but for how long it waits for a cluster's head.
 COMMAND = """
 import sys
-from rsa_data import cli
-from rsa_data.engines import ray_cluster
+from rsa_data.cli import main as cli
+from rsa_data.runner.engines import ray_cluster
 ray_cluster.HEAD_WITHIN = 6.0
 cli.main()
 """
@@ -56,16 +56,16 @@ def undisturbed(tmp_path_factory) -> list[str]:
     return outcome(work)
 
 
-def made(folder: Path) -> Work:
+def made(folder: Path) -> WorkDir:
     return rooms.made(folder, PARTS, ROWS)
 
 
-def outcome(work: Work) -> list[str]:
+def outcome(work: WorkDir) -> list[str]:
     table = work.table("rooms", "captions/occupancy")
     return [table.receipt(number)["sha256"] for number in table.parts()]
 
 
-def begun(work: Work, address: str) -> subprocess.Popen:
+def begun(work: WorkDir, address: str) -> subprocess.Popen:
     """The command on all of a cluster, from the moment it has done a few parts."""
     words = ["captions", "--dataset", "rooms", "--segments", "labels", "--variants", str(VARIANTS)]
     words += ["--work", work.store.location, "--engine", "ray", "--workers", "4"]

@@ -21,14 +21,14 @@ from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.runner import fingerprints, limits, parts, plan, runs, stages, status, verify
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 
-def captions(work: Work, **how: object) -> runs.Summary:
+def captions(work: WorkDir, **how: object) -> runs.Summary:
     return runs.run(rooms.captions_job(work), bar=rooms.NoBar, **how)
 
 
-def change_segments(work: Work, number: int) -> None:
+def change_segments(work: WorkDir, number: int) -> None:
     """As if the detector had found something else in one part."""
     table = work.table("rooms", "segments/labels")
     receipt, rows = table.receipt(number), table.read(number)
@@ -304,7 +304,7 @@ def test_mended_inputs_are_taken_in_by_retry_failed(tmp_path):
     call("detect", *wanted, "--source", f"labels:{labels}", "--names", "nyu13")
     call("captions", "--dataset", "mine", "--segments", "labels", "--style", "classes")
     segments, captions_ = (
-        Work(work).table("mine", name) for name in ("segments/labels", "captions/classes")
+        WorkDir(work).table("mine", name) for name in ("segments/labels", "captions/classes")
     )
     counts = ("ok", "failed", "skipped")
     assert [segments.receipt(2)[k] for k in counts] == [1, 1, 0]

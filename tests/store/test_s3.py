@@ -8,7 +8,7 @@ from rsa_data.runner import runs, status, verify
 from rsa_data.runner.engines.pool import How
 from rsa_data.store.s3 import S3Store
 from rsa_data.store.stores import open_store
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 boto3 = pytest.importorskip("boto3")
 
@@ -132,5 +132,5 @@ def test_a_server_that_stays_away_is_a_transient_error(place, weather, monkeypat
 
 def test_a_bucket_that_is_not_there_is_an_error(place):
     with pytest.raises(RsaDataError, match="NoSuchBucket") as caught:
-        Work("s3://nowhere/x").table("a", "b").bind({"schema": "captions"})
+        WorkDir("s3://nowhere/x").table("a", "b").bind({"schema": "captions"})
     assert not isinstance(caught.value, TransientError)

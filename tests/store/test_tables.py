@@ -10,7 +10,7 @@ import pytest
 
 from rsa_data.common.errors import RsaDataError
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 
 def embeddings(n: int = 3) -> pa.Table:
@@ -32,7 +32,7 @@ COUNTS = {"ok": 3, "failed": 0, "skipped": 0, "split": "train", "fingerprint": "
 
 @pytest.fixture
 def table(tmp_path):
-    table = Work(tmp_path).table("rooms", "embeddings/occupancy/a")
+    table = WorkDir(tmp_path).table("rooms", "embeddings/occupancy/a")
     table.bind(DESCRIPTION)
     return table
 
@@ -99,17 +99,18 @@ def test_manifest_only_when_all_parts_are_there(table):
 
 @pytest.mark.parametrize("moment", ["write", "flush", "flushed", "rename", "renamed", "receipt"])
 def test_killed_at_any_moment_a_part_is_whole_or_not_there(tmp_path, moment):
-    table = Work(tmp_path).table("rooms", "embeddings/occupancy/a")
+    table = WorkDir(tmp_path).table("rooms", "embeddings/occupancy/a")
     table.bind(DESCRIPTION)
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]);"
-        "from test_parts import *; from rsa_data.store.tables import Work;"
-        "Work(sys.argv[2]).table('rooms', 'embeddings/occupancy/a').commit(0, embeddings(), COUNTS)"
+        "from test_tables import *; from rsa_data.store.tables import WorkDir;"
+        "table = WorkDir(sys.argv[2]).table('rooms', 'embeddings/occupancy/a');"
+        "table.commit(0, embeddings(), COUNTS)"
     )
     folder = __file__.rpartition("/")[0]
     ended = subprocess.run(
         [sys.executable, "-c", script, folder, str(tmp_path)],
-        env={"RSA_DATA_FAILPOINT": moment, "PYTHONPATH": folder + "/..", "PATH": ""},
+        env={"RSA_DATA_FAILPOINT": moment, "PYTHONPATH": folder + "/../..", "PATH": ""},
         check=False,
     )
     assert ended.returncode == -9
@@ -135,6 +136,6 @@ def test_a_full_disk_is_a_clear_error_and_keeps_what_was_there(table, monkeypatc
 
 
 def test_tables_are_found_below_their_dataset(table, tmp_path):
-    assert Work(tmp_path).tables("rooms") == ["embeddings/occupancy/a"]
+    assert WorkDir(tmp_path).tables("rooms") == ["embeddings/occupancy/a"]
     with pytest.raises(RsaDataError, match=r"no such table. Tables there: embeddings/occupancy/a"):
-        Work(tmp_path).table("rooms", "captions/counts").description()
+        WorkDir(tmp_path).table("rooms", "captions/counts").description()

@@ -15,7 +15,7 @@ from rooms import NoBar
 
 from rsa_data.runner import pipeline_files
 from rsa_data.runner.chains import How
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -33,7 +33,7 @@ def work(tmp_path_factory):
     job["dataset"].pop("synthetic-street")
     job["train-head"] = [{"name": "small", "epochs": 2, "validation": 0.3}]
     job.pop("evaluate")
-    pipeline_files.run(Work(folder / "work"), job, How(NoBar, lambda *a: None), lambda *a: None)
+    pipeline_files.run(WorkDir(folder / "work"), job, How(NoBar, lambda *a: None), lambda *a: None)
     return folder / "work"
 
 

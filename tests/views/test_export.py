@@ -14,17 +14,17 @@ from rsa_data.cli.main import cli
 from rsa_data.common.errors import UsageError
 from rsa_data.embeddings.embed import build
 from rsa_data.store import schemas
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 from rsa_data.views.export import export
 
 TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"]
 
 
 @pytest.fixture
-def work(tmp_path, monkeypatch) -> Work:
+def work(tmp_path, monkeypatch) -> WorkDir:
     """A work dir with one part of two images, three captions each, and their features."""
     monkeypatch.setitem(registry.ENCODERS, "tiny", "test_encoders_runtime:TINY")
-    work = Work(tmp_path / "work")
+    work = WorkDir(tmp_path / "work")
     part = captions(TEXTS)
     made = {
         "samples": ("samples", samples(["0.png", "1.png"])),

@@ -7,7 +7,7 @@ import report_work
 import rooms
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.store.tables import Work
+from rsa_data.store.tables import WorkDir
 from rsa_data.views.report.build import report
 from rsa_data.views.report.meaning import components, scene_type
 
@@ -92,7 +92,7 @@ def test_unknown_head_and_empty_work_dir_are_refused(tmp_path):
     with pytest.raises(UsageError, match="head 'x': expected one of none yet"):
         report(work, out=tmp_path / "r.html", head="x")
     with pytest.raises(RsaDataError, match="no dataset there yet"):
-        report(Work(tmp_path / "none"), out=tmp_path / "r.html")
+        report(WorkDir(tmp_path / "none"), out=tmp_path / "r.html")
 
 
 def test_components_are_those_of_a_plane():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ...common.errors import RsaDataError, UsageError
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from ..metric import to_metric
 from . import known_depth
 from .images import images_below, paraphrases, relative_of, tell
@@ -69,7 +69,7 @@ class Predicted:
 
 
 def predict(
-    work: Work,
+    work: WorkDir,
     *,
     head: str = "head",
     caption: tuple[str, ...] = (),
@@ -190,7 +190,7 @@ def from_captions(
     return [replace(found[text], notes=[]) for text in captions]
 
 
-def _place(work: Work, head: str) -> str:
+def _place(work: WorkDir, head: str) -> str:
     if head.endswith((".pt", ".pth")) or (Path(head) / "head.json").is_file():
         return head
     return f"{work.store.location}/heads/{head}"

@@ -9,7 +9,7 @@ import pyarrow.compute as pc
 
 from ...common.errors import RsaDataError
 from ...store import schemas
-from ...store.tables import Work
+from ...store.tables import WorkDir
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Examples:
         return sum(getattr(self, name).nbytes for name in self.__dataclass_fields__)
 
 
-def read_part(work: Work, source: Source, number: int, dataset: int) -> Examples:
+def read_part(work: WorkDir, source: Source, number: int, dataset: int) -> Examples:
     """The images of one part that are ok in every table, in the order of samples.
 
     Raises RsaDataError when the tables of the part do not belong together.

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ... import registry
-from ...common.errors import RsaDataError, UsageError
+from ...common.errors import RsaDataError, UsageError, unknown
 from ...datasets import index
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from .. import belong
 from .controls import Control
 
@@ -40,7 +40,7 @@ class Trained:
 
 
 def train_head(
-    work: Work,
+    work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
     *,
     datasets: tuple[str, ...] = (),
@@ -134,7 +134,7 @@ def train_head(
     if not 0 < validation <= 0.5:
         raise UsageError(f"--validation: expected more than 0, at most 0.5; found {validation}")
     if head not in registry.HEADS:
-        raise registry.unknown("head", head, registry.HEADS)
+        raise unknown("head", head, registry.HEADS)
 
     sources = belong.sources(work, datasets, style, encoder, depth_model)
     features = belong.same(
@@ -163,7 +163,7 @@ def train_head(
 
     for dataset_name in log_loss:
         if dataset_name not in numbers:
-            raise registry.unknown("dataset in --log-loss", dataset_name, numbers)
+            raise unknown("dataset in --log-loss", dataset_name, numbers)
     first = sources[0]
     made_of = [first.embeddings, *([first.images] if first.images else [])]
     part = numbers[first.dataset][0]

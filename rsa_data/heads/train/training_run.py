@@ -16,8 +16,8 @@ from safetensors.torch import save as to_safetensors
 
 from ...common.errors import RsaDataError
 from ...store import schemas
-from ...store.stores import failpoint
-from ...store.tables import Work, fingerprint
+from ...store.failpoints import failpoint
+from ...store.tables import WorkDir, fingerprint
 from ..checkpoint import FORMAT, ScaleHead, build_network
 from ..predict.calibration import calibrate
 from .examples import Source
@@ -63,7 +63,9 @@ class Plan:
         }
 
 
-def run(work: Work, plan: Plan, bar: Callable[[str, int], Any] | None, start_over: bool) -> Trained:
+def run(
+    work: WorkDir, plan: Plan, bar: Callable[[str, int], Any] | None, start_over: bool
+) -> Trained:
     """Trains, or goes on training, and writes the head; returns at once when it is there."""
     store, folder, options = work.store, f"heads/{plan.name}", plan.options
     table = work.table("heads", plan.name)
@@ -157,7 +159,7 @@ def _weights(images: np.ndarray, balance: str) -> np.ndarray:
 
 
 def describe(
-    work: Work, plan: Plan, examples: Windows, state: State, network: torch.nn.Module
+    work: WorkDir, plan: Plan, examples: Windows, state: State, network: torch.nn.Module
 ) -> dict[str, Any]:
     """head.json: everything that says what the head is, and whether it fits other tables."""
     names = [source.dataset for source in plan.sources]

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ...common.errors import RsaDataError
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from ..predict.calibration import references
 from .controls import controlled
 from .examples import Examples, join, read_part, select
@@ -34,7 +34,7 @@ class Windows:
         mean over the datasets; 1 where there are none.
     """
 
-    def __init__(self, work: Work, plan: "Plan"):
+    def __init__(self, work: WorkDir, plan: "Plan"):
         self.work, self.plan = work, plan
         self.numbers = [plan.numbers[source.dataset] for source in plan.sources]
         # A window, the parts that it is joined from, and the one before that is not let go of yet.

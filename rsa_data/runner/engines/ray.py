@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...registry import extras
+from ...common.extras import extras
 from ..stages import Job
 from . import ray_cluster
 from .pool import How, News, Task, attempt, portable

@@ -10,7 +10,7 @@ from ...datasets import index
 from ...datasets.images import read_image
 from ...segments import masks
 from ...segments.segments import Segments, from_row
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from .pictures import draw_segments, segment_grid
 
 # Class names below a picture; the rest is counted.
@@ -18,7 +18,7 @@ _NAMED = 6
 
 
 def preview(
-    work: Work, dataset: str, table: str, count: int, root: Path | None = None
+    work: WorkDir, dataset: str, table: str, count: int, root: Path | None = None
 ) -> np.ndarray:
     """uint8 (h, w, 3), RGB: `count` samples, evenly over the finished parts of a segments table.
 
@@ -57,7 +57,7 @@ def draw(root: Path, sample: dict[str, Any], found: Segments | RowError) -> tupl
 
 
 def _choose(
-    work: Work, dataset: str, name: str, count: int
+    work: WorkDir, dataset: str, name: str, count: int
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """(sample, segments row) of rows that lie evenly over the finished parts."""
     table, samples = work.table(dataset, name), work.table(dataset, "samples")

@@ -7,14 +7,14 @@ import numpy as np
 from ...common.errors import RsaDataError
 from ...datasets.images import read_image
 from ...datasets.index import load_dataset
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from ..report.samples import Sample, one
 from .colours import depth_colours, error_colours, round_up
 from .pictures import save
 from .segments import draw_segments, segment_grid
 
 
-def draw(work: Work, sample_id: str, head: str | None, out: Path) -> list[str]:
+def draw(work: WorkDir, sample_id: str, head: str | None, out: Path) -> list[str]:
     """Writes the picture of a sample to `out`; returns what the tables know of it, in lines.
 
     Raises RsaDataError when the image is not at hand.

@@ -14,7 +14,7 @@ from ...heads.metric import to_metric
 from ...heads.predict import images, known_depth
 from ...heads.predict.predict import Prediction, from_captions
 from ...segments.segments import Segments
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from ..report.samples import one
 
 # A picture's horizontal field of view where nothing tells its camera: that of many phones.
@@ -30,7 +30,7 @@ class Models:
     segmenter, segmenter_model, depth_weights : for pictures that are no sample of the work dir.
     """
 
-    work: Work
+    work: WorkDir
     head: ScaleHead
     name: str
     encode: Any
@@ -39,7 +39,7 @@ class Models:
     depth_weights: Path | None = None
 
 
-def load(work: Work, name: str, weights: Path | None, **others: Any) -> Models:
+def load(work: WorkDir, name: str, weights: Path | None, **others: Any) -> Models:
     """The head of the work dir with its encoder; raises RsaDataError when one is missing."""
     head = ScaleHead.load(f"{work.store.location}/heads/{name}")
     if head.description["features"].get("style") is None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ...common.errors import RsaDataError, UsageError
 from ...common.units import size
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from .gallery import gallery
 from .html import Html, join, tag
 from .lineage import head_names, lineage
@@ -27,7 +27,7 @@ class Report:
 
 
 def report(
-    work: Work,
+    work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
     *,
     out: Path = Path("report.html"),
@@ -77,7 +77,7 @@ _CONTENTS = {
 }
 
 
-def page(work: Work, sections: list[Html]) -> Html:
+def page(work: WorkDir, sections: list[Html]) -> Html:
     """The whole document."""
     name = work.store.location.rstrip("/").rpartition("/")[2]
     here = files("rsa_data.views.report")

@@ -11,7 +11,7 @@ import numpy as np
 from ...common.errors import RowError, TransientError
 from ...datasets.images import read_image
 from ...segments.segments import Segments
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from ..pictures.colours import depth_colours, error_colours, round_up
 from ..pictures.pictures import draw_segments
 from . import html
@@ -26,7 +26,7 @@ _DRAWN = 12
 
 
 def gallery(
-    work: Work, count: int, head: str | None, bar: Callable[[str, int], Any] | None
+    work: WorkDir, count: int, head: str | None, bar: Callable[[str, int], Any] | None
 ) -> Html:
     """A section with a form that filters, and a card for each of about `count` samples."""
     datasets = work.datasets()

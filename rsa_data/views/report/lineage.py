@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 from ...common.units import duration, size
 from ...runner.status import stale
 from ...store import logs
-from ...store.tables import Parts, Work
+from ...store.tables import Table, WorkDir
 from . import html
 from .html import Html, tag
 
@@ -17,7 +17,7 @@ _REASONS, _NAMED = 8, 4
 _LOOKED = 20
 
 
-def lineage(work: Work) -> Html:
+def lineage(work: WorkDir) -> Html:
     """A section: a table of tables, each one's options to unfold, and what failed and why."""
     rows: list[list[Any]] = []
     details: list[Html] = []
@@ -63,20 +63,20 @@ def lineage(work: Work) -> Html:
     )
 
 
-def head_names(work: Work) -> list[str]:
+def head_names(work: WorkDir) -> list[str]:
     """Heads of the work dir that are complete."""
     names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
     return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
 
 
-def head_description(work: Work, name: str) -> dict[str, Any]:
+def head_description(work: WorkDir, name: str) -> dict[str, Any]:
     """head.json."""
     import json
 
     return json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
 
 
-def _times(work: Work, dataset: str, name: str) -> tuple[float | None, float | None]:
+def _times(work: WorkDir, dataset: str, name: str) -> tuple[float | None, float | None]:
     """Rows a second of the last run over a table, and the seconds that its workers took."""
     events = logs.last_run(work, dataset, name)
     parts = [event for event in events if event["event"] == "part"]
@@ -93,7 +93,7 @@ def _options(title: str, about: dict[str, Any]) -> Html:
     return tag("details", tag("summary", title), tag("dl", items))
 
 
-def _reasons(table: Parts, receipts: list[dict[str, Any]]) -> Html:
+def _reasons(table: Table, receipts: list[dict[str, Any]]) -> Html:
     """Why rows failed or were skipped, how often, and the first samples of each reason."""
     if "error" not in _columns(table):
         skipped = sum(r["skipped"] for r in receipts)
@@ -119,7 +119,7 @@ def _reasons(table: Parts, receipts: list[dict[str, Any]]) -> Html:
     return html.table(["reason", "times", "for example"], shown, table.path)
 
 
-def _columns(table: Parts) -> list[str]:
+def _columns(table: Table) -> list[str]:
     from ...store import schemas
 
     return schemas.schema(table.description()["schema"]).names

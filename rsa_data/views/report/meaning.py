@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 
 from ...evaluation.inputs import TestPart
 from ...heads.checkpoint import ScaleHead
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from . import plots
 from .html import Html, tag
 from .lineage import head_description, head_names
@@ -28,7 +28,7 @@ class Features:
     values: np.ndarray
 
 
-def meaning(work: Work) -> Html:
+def meaning(work: WorkDir) -> Html:
     """A section: for each kind of features a map, and scale and shift by type of scene."""
     kinds = sorted(
         {
@@ -52,7 +52,7 @@ def meaning(work: Work) -> Html:
                tag("div", drawn or nothing, class_="plots"), id="features")  # fmt: skip
 
 
-def sample(work: Work, kind: str) -> Features:
+def sample(work: WorkDir, kind: str) -> Features:
     """Features of at most 900 images, as many of each dataset, evenly over its parts."""
     rows: list[tuple[str, str, str]] = []
     values = []
@@ -75,14 +75,14 @@ def sample(work: Work, kind: str) -> Features:
     return Features(rows, np.concatenate(values) if values else np.zeros((0, 1), np.float32))
 
 
-def _plain(work: Work, dataset: str, captions: str, number: int) -> dict[str, str]:
+def _plain(work: WorkDir, dataset: str, captions: str, number: int) -> dict[str, str]:
     """The plain caption of each sample of a part."""
     texts = work.table(dataset, captions).read(number, ["sample_id", "variant", "text"])
     texts = texts.filter(pc.equal(texts["variant"], 0))
     return dict(zip(texts["sample_id"].to_pylist(), texts["text"].to_pylist(), strict=True))
 
 
-def _heads_of(work: Work, kind: str) -> list[tuple[str, ScaleHead]]:
+def _heads_of(work: WorkDir, kind: str) -> list[tuple[str, ScaleHead]]:
     """Heads that were trained on this kind of features, controls left out."""
     _, style, encoder = kind.split("/")
     found = []

@@ -15,7 +15,7 @@ from ...evaluation.inputs import TestPart
 from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
 from ...segments.segments import Segments
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from .lineage import head_description, head_names
 from .words import spread
 
@@ -44,7 +44,7 @@ class Sample:
     head: str | None = None
 
 
-def choose(work: Work, dataset: str, count: int, wanted: str | None) -> list[Sample]:
+def choose(work: WorkDir, dataset: str, count: int, wanted: str | None) -> list[Sample]:
     """About `count` samples of a dataset, half of them with whole depth maps, failed ones first.
 
     wanted : the head that predicts; by default one that was trained on this dataset, or any.
@@ -69,7 +69,7 @@ def choose(work: Work, dataset: str, count: int, wanted: str | None) -> list[Sam
     return found
 
 
-def one(work: Work, sample_id: str, wanted: str | None = None) -> Sample:
+def one(work: WorkDir, sample_id: str, wanted: str | None = None) -> Sample:
     """Everything the tables know of one sample; `wanted` as in `choose`.
 
     Raises UsageError, with the nearest, when no dataset of the work dir has it.
@@ -90,14 +90,14 @@ def one(work: Work, sample_id: str, wanted: str | None = None) -> Sample:
     )
 
 
-def _with_failures(work: Work, dataset: str, numbers: list[int]) -> list[int]:
+def _with_failures(work: WorkDir, dataset: str, numbers: list[int]) -> list[int]:
     tables = [work.table(dataset, name) for name in work.tables(dataset)]
     done = [(t, set(t.parts())) for t in tables]
     return [n for n in numbers if any(n in d and t.receipt(n)["failed"] for t, d in done)]
 
 
 def _of_part(
-    work: Work, dataset: str, number: int, chosen: list[int], wanted: str | None
+    work: WorkDir, dataset: str, number: int, chosen: list[int], wanted: str | None
 ) -> list[Sample]:
     """The samples in the rows `chosen` of a part."""
     rows = work.table(dataset, "samples").read(number).to_pylist()
@@ -124,7 +124,7 @@ def _of_part(
     return samples
 
 
-def _failures(work: Work, dataset: str, number: int, names: list[str]) -> dict[str, list[str]]:
+def _failures(work: WorkDir, dataset: str, number: int, names: list[str]) -> dict[str, list[str]]:
     """What failed in a part, `table: reason` by sample_id."""
     found: dict[str, list[str]] = {}
     for name in names:
@@ -136,7 +136,7 @@ def _failures(work: Work, dataset: str, number: int, names: list[str]) -> dict[s
     return found
 
 
-def _rows(work: Work, dataset: str, name: str, number: int, ids: pa.Array) -> list[dict]:
+def _rows(work: WorkDir, dataset: str, name: str, number: int, ids: pa.Array) -> list[dict]:
     rows = work.table(dataset, name).read(number)
     return rows.filter(pc.is_in(rows["sample_id"], value_set=ids)).to_pylist()
 
@@ -163,7 +163,7 @@ def _add_captions(work, dataset, name, number, ids, samples) -> None:
 
 
 def _head_for(
-    work: Work, dataset: str, names: list[str], wanted: str | None
+    work: WorkDir, dataset: str, names: list[str], wanted: str | None
 ) -> tuple[str, ScaleHead, str, str | None] | None:
     """(name, head, its embeddings, its captions) for a part whose tables are `names`."""
     ranked = []

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 from ...common.errors import RsaDataError
 from ...evaluation.paper import paper_rows
-from ...store.tables import Work
+from ...store.tables import WorkDir
 from . import html, plots
 from .html import Html, tag
 from .lineage import head_description, head_names
@@ -23,14 +23,14 @@ _METRICS = {
 }
 
 
-def heads(work: Work) -> Html:
+def heads(work: WorkDir) -> Html:
     """A section: for each head its curves, and a table for each protocol it was measured under."""
     found = [_head(work, name) for name in head_names(work)] + _comparisons(work)
     nothing = tag("p", "There is no head in this work dir yet.")
     return tag("section", tag("h2", "Heads"), found or nothing, id="heads")
 
 
-def _head(work: Work, name: str) -> Html:
+def _head(work: WorkDir, name: str) -> Html:
     about = head_description(work, name)
     architecture = about.get("architecture", {}).get("name", "?")
     features = about.get("features", {})
@@ -50,7 +50,7 @@ def _head(work: Work, name: str) -> Html:
     )  # fmt: skip
 
 
-def _curves(work: Work, name: str) -> list[Html]:
+def _curves(work: WorkDir, name: str) -> list[Html]:
     path = f"heads/{name}/history.parquet"
     if work.store.size(path) is None:
         return []
@@ -72,13 +72,13 @@ def _curves(work: Work, name: str) -> list[Html]:
     ]  # fmt: skip
 
 
-def _loss_unit(work: Work, name: str) -> str:
+def _loss_unit(work: WorkDir, name: str) -> str:
     options = head_description(work, name).get("options", {})
     unit = "m" if options.get("units") == "metres" else "share of mean depth"
     return f"{options.get('loss', 'loss')} of {options.get('supervision', 'depth')} ({unit})"
 
 
-def _evaluations(work: Work, name: str) -> list[Html]:
+def _evaluations(work: WorkDir, name: str) -> list[Html]:
     found = []
     kinds = {
         "evaluation": "on test images; 95% intervals in brackets",
@@ -93,7 +93,7 @@ def _evaluations(work: Work, name: str) -> list[Html]:
     return found
 
 
-def _comparisons(work: Work) -> list[Html]:
+def _comparisons(work: WorkDir) -> list[Html]:
     """Tables of `rsa-data compare`: heads on other inputs, and controls."""
     names = [folder.rstrip("/") for folder in work.store.list("comparisons")]
     found = [
@@ -106,7 +106,7 @@ def _comparisons(work: Work) -> list[Html]:
     return [tag("h3", "Comparisons"), *found] if found else []
 
 
-def _rows(work: Work, folder: str) -> list[dict[str, str]]:
+def _rows(work: WorkDir, folder: str) -> list[dict[str, str]]:
     data = work.store.read(f"{folder}/summary.csv")
     return [] if data is None else list(csv.DictReader(io.StringIO(data.decode())))
 
@@ -139,7 +139,7 @@ def _cells(row: dict[str, str]) -> list[str]:
 
 
 def _paper(
-    work: Work, name: str, protocol: str, rows: list[dict[str, str]]
+    work: WorkDir, name: str, protocol: str, rows: list[dict[str, str]]
 ) -> tuple[list[list[Any]], list[str]]:
     """The paper's rows that hold under the same conditions, and why others do not stand here."""
     if any(row["method"].startswith("paper:") for row in rows):

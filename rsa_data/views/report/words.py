@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 
 from ... import registry
 from ...captions import summary
-from ...store.tables import Parts, Work
+from ...store.tables import Table, WorkDir
 from . import plots
 from .html import Html, tag
 
@@ -17,7 +17,7 @@ _CLASSES = 20
 _PARTS = 50
 
 
-def content(work: Work) -> Html:
+def content(work: WorkDir) -> Html:
     """A section on segments and one on captions, a few plots for each table."""
     segments, captions = [], []
     for dataset in work.datasets():
@@ -42,7 +42,7 @@ def spread(numbers: list[int], most: int) -> list[int]:
     return numbers if len(numbers) <= most else numbers[:: -(-len(numbers) // most)]
 
 
-def _segments(table: Parts) -> list[Html]:
+def _segments(table: Table) -> list[Html]:
     numbers = table.parts()
     counted: Counter[str] = Counter()
     lengths = []
@@ -70,7 +70,7 @@ def _segments(table: Parts) -> list[Html]:
     return found
 
 
-def _captions(work: Work, table: Parts) -> list[Html]:
+def _captions(work: WorkDir, table: Table) -> list[Html]:
     numbers = table.parts()
     read = [table.read(n, list(summary.COLUMNS)) for n in spread(numbers, _PARTS)]
     if not read:
@@ -101,7 +101,7 @@ def _limit(tokenizer: str) -> int | None:
     return registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)().max_tokens
 
 
-def _duplicates(work: Work, table: Parts) -> list[str]:
+def _duplicates(work: WorkDir, table: Table) -> list[str]:
     """What encoding each distinct text of a part once has saved, from the receipts alone."""
     said = []
     style = table.name.removeprefix("captions/")
@@ -120,6 +120,6 @@ def _duplicates(work: Work, table: Parts) -> list[str]:
     return said
 
 
-def _of(table: Parts, seen: int, what: str = "images") -> str:
+def _of(table: Table, seen: int, what: str = "images") -> str:
     every = len(table.parts()) <= _PARTS
     return f"all {seen:,} {what}" if every else f"a sample of {seen:,} {what}"

@@ -1,0 +1,19 @@
+"""Moments between the writes of a commit, at which a test can kill the process."""
+
+import os
+import signal
+
+_hits: dict[str, int] = {}
+
+
+def failpoint(moment: str) -> None:
+    """Kills this process when RSA_DATA_FAILPOINT names this moment (`rename`, or `rename:3`).
+
+    With a number the third time counts, so that a test can reach a later part. Nothing else
+    happens here.
+    """
+    wanted, _, nth = os.environ.get("RSA_DATA_FAILPOINT", "").partition(":")
+    if wanted == moment:
+        _hits[moment] = _hits.get(moment, 0) + 1
+        if _hits[moment] == int(nth or 1):
+            os.kill(os.getpid(), signal.SIGKILL)
