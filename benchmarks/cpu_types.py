@@ -97,7 +97,7 @@ RANDOM_IMAGE = Encoder("", lambda argument, weights: {}, _image_tower)  # type: 
 
 def texts(encoder: str, **options: str) -> pa.Table:
     """Features as the stage makes them, without its audit, which refuses MiniLM in int8."""
-    from test_encoders import captions
+    from embeddings.test_embed import captions
 
     from rsa_data.embeddings import embed
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 import torch
-from test_encoders import captions
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.embeddings.embed import build, encode
 from rsa_data.store import schemas
+from tests.embeddings.test_embed import captions
 
 TEXTS = ["", "a", "a bed and a lamp", "lamp lamp bed", "bed " * 40]
 WORDS = ["<pad>", "<unk>", "<s>", "</s>", "a", "bed", "and", "lamp", "image"]

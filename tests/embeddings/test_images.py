@@ -7,7 +7,6 @@ import pyarrow as pa
 import pytest
 import torch
 from PIL import Image
-from test_encoders_huggingface import SIGHT, randomize
 
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError
@@ -17,6 +16,7 @@ from rsa_data.embeddings.embed_images import build
 from rsa_data.embeddings.encoder import Encoder, ImageModel
 from rsa_data.embeddings.prepare import CLIP_RN50, preparer
 from rsa_data.store import schemas
+from tests.embeddings.test_huggingface import SIGHT, randomize
 
 SMALL = {"layers": (1, 1, 1, 1), "width": 8, "heads": 2, "size": 64, "dim": 12}
 

@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import torch
-from test_encoders import captions
 
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError, UsageError
@@ -17,6 +16,7 @@ from rsa_data.embeddings.clip_text import TextTower
 from rsa_data.embeddings.embed import build, encode, notes
 from rsa_data.embeddings.encoder import Encoder, TextModel
 from rsa_data.store import schemas
+from tests.embeddings.test_embed import captions
 
 TEXTS = [
     "An image.",

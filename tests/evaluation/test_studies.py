@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from test_evaluation import SIZE, images, maps, trained, work  # noqa: F401
 
 from rsa_data import depth_errors
 from rsa_data.common.errors import UsageError
@@ -18,6 +17,7 @@ from rsa_data.evaluation.scenes import one_description
 from rsa_data.evaluation.setting import rules_of
 from rsa_data.evaluation.summary import Row, summarise
 from rsa_data.store import schemas
+from tests.evaluation.test_evaluate import SIZE, images, maps, trained, work  # noqa: F401
 
 
 def test_another_models_depth_under_the_same_protocol(work, tmp_path):  # noqa: F811

@@ -5,9 +5,6 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from click.testing import CliRunner
-from test_encoders import captions
-from test_encoders_images import samples
-from test_encoders_runtime import TINY  # noqa: F401
 
 from rsa_data import registry
 from rsa_data.cli.main import cli
@@ -16,6 +13,9 @@ from rsa_data.embeddings.embed import build
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.export import export
+from tests.embeddings.test_embed import captions
+from tests.embeddings.test_images import samples
+from tests.embeddings.test_runtime import TINY  # noqa: F401
 
 TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"]
 
