@@ -15,9 +15,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from rsa_data import registry
 from rsa_data.common import class_names, models
 from rsa_data.common.errors import RowError, RsaDataError
-from rsa_data.common.tokenizers import named as tokenizer_named
 from rsa_data.common.units import parse_size
 from rsa_data.datasets import images
 from rsa_data.datasets.depth_files import npy, png16
@@ -347,7 +347,7 @@ def test_values_of_options_that_nobody_means():
     with pytest.raises(RsaDataError, match="expected a size"):
         parse_size("1" * 400, "--memory-limit")
     with pytest.raises(RsaDataError):
-        tokenizer_named("hf:" + "a" * 5000)
+        registry.build("tokenizer", registry.TOKENIZERS, "hf:" + "a" * 5000)
 
 
 @pytest.mark.parametrize("content", [b"[]", b"3", b'{"part": 0}', b"\xe1", b"[" * 100_000])
@@ -384,7 +384,7 @@ def test_model_folders_that_somebody_changed(tmp_path, name, content, words):
     for file, text in {**files, name: content}.items():
         (tmp_path / file).write_text(text)
     with pytest.raises(RsaDataError, match=words):
-        tokenizer_named(f"hf:{tmp_path}")
+        registry.build("tokenizer", registry.TOKENIZERS, f"hf:{tmp_path}")
 
 
 def test_a_tokenizer_that_panics(tmp_path):
@@ -396,7 +396,7 @@ def test_a_tokenizer_that_panics(tmp_path):
     (tmp_path / "tokenizer.json").write_text(text)
     (tmp_path / "config.json").write_text('{"max_position_embeddings": 9}')
     with pytest.raises(RsaDataError, match=r"tokenizer\.json"):
-        tokenizer_named(f"hf:{tmp_path}").count(["a"])
+        registry.build("tokenizer", registry.TOKENIZERS, f"hf:{tmp_path}").count(["a"])
 
 
 def test_a_receipt_cannot_name_a_file_elsewhere(tmp_path):

@@ -293,8 +293,8 @@ def test_a_public_bucket_is_read_without_an_account_and_not_written(tmp_path, fa
 @pytest.mark.parametrize("far", ["s3", "http"], indirect=True)
 def test_a_server_that_stays_away_leaves_the_part_undone(tmp_path, far, monkeypatch):
     photos(tmp_path / "photos")
-    for module in ("storage_s3", "storage_http"):
-        monkeypatch.setattr(f"rsa_data.{module}._TRIES", 2)
+    for module in ("s3", "http"):
+        monkeypatch.setattr(f"rsa_data.store.{module}._TRIES", 2)
     from rsa_data.datasets import roots
 
     roots._files.cache_clear()

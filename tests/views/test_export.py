@@ -23,7 +23,7 @@ TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"
 @pytest.fixture
 def work(tmp_path, monkeypatch) -> WorkDir:
     """A work dir with one part of two images, three captions each, and their features."""
-    monkeypatch.setitem(registry.ENCODERS, "tiny", "test_encoders_runtime:TINY")
+    monkeypatch.setitem(registry.ENCODERS, "tiny", "tests.embeddings.test_runtime:TINY")
     work = WorkDir(tmp_path / "work")
     part = captions(TEXTS)
     made = {
