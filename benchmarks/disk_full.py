@@ -8,12 +8,13 @@ must verify, and after space is made the same command must end with the bytes of
 had room.
 """
 
+import argparse
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 
 import rooms
 
@@ -28,6 +29,7 @@ def mount(place: Path, *options: str) -> None:
 
 
 def main() -> int:
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     bad = 0
     with tempfile.TemporaryDirectory(prefix="rsa-data-full-") as name:
         base = Path(name)

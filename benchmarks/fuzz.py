@@ -136,7 +136,7 @@ def child(name: str, here: Path, corpus: Path, seconds: int) -> None:
 
     # Never left: what is imported on first use counts as well.
     atheris.instrument_imports(include=["rsa_data", "tomllib"]).__enter__()
-    import fuzz_importers as importers
+    import fuzzing as importers
 
     from rsa_data.common.errors import RsaDataError
 
@@ -216,7 +216,7 @@ def main() -> int:
         name, here, corpus, seconds = given.child
         child(name, Path(here), Path(corpus), int(seconds))
         return 0
-    import fuzz_importers as importers
+    import fuzzing as importers
 
     clean = True
     for name in given.only or importers.IMPORTERS:

@@ -22,7 +22,7 @@ from rsa_data.heads.predict.known_depth import refine
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 from made_tables import write
 
 DATASETS = {"nyu": ("nyuv2", 10.0), "kitti": ("kitti", 80.0)}

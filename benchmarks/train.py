@@ -25,7 +25,7 @@ from rsa_data.heads.architectures.layers import mlp, positive
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 from made_tables import write
 
 clock = time.perf_counter

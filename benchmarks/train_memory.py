@@ -17,7 +17,7 @@ import numpy as np
 
 from rsa_data.store.tables import WorkDir
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 from made_tables import write
 
 CHILD = """

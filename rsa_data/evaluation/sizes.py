@@ -54,7 +54,7 @@ def by_object_sizes(segments: str) -> Method:
         found = {row["sample_id"]: row for row in table.to_pylist()}
 
         def predict(image: Image) -> Prediction:
-            scale = scale_from_sizes(*_objects(image, found.get(image.sample["sample_id"])))
+            scale = scale_from_sizes(*objects_of(image, found.get(image.sample["sample_id"])))
             if scale is None:
                 raise RowError("no object of known size that is wholly in the image")
             return scaled(image, scale, 0.0)
@@ -64,7 +64,9 @@ def by_object_sizes(segments: str) -> Method:
     return method
 
 
-def _objects(image: Image, row: dict[str, Any] | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def objects_of(
+    image: Image, row: dict[str, Any] | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Relative depth, inverse depth and spread of the objects of known size, each (n,)."""
     focal = image.sample["fy"]
     if focal is None:

@@ -205,13 +205,13 @@ def test_asks_no_more_at_once_than_allowed(root, fake):
     assert server.most_at_once == 1
 
 
-def test_rate_gives_each_question_its_turn(monkeypatch):
+def test_rate_gives_each_question_its_turn(root, fake, monkeypatch):
     waits: list[float] = []
     monkeypatch.setattr(served.time, "sleep", waits.append)
     monkeypatch.setattr(served.time, "monotonic", lambda: 100.0)
-    server = served.Server("http://x", "q", rate=2.0)
-    for _ in range(3):
-        server._take_turn()
+    server = served.Server(fake(lambda count, shade: said("x")).address, "q", rate=2.0)
+    for picture in sorted(root.glob("*.png"))[:3]:
+        server.ask("eyes", picture)
     assert waits == [0.0, 0.5, 1.0]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rooms
+from ddad_scene import write_scene
 from PIL import Image
 from weather import weather_before
 
@@ -29,7 +30,6 @@ from rsa_data.runner import chains, runs, stages
 from rsa_data.runner.engines.pool import How
 from rsa_data.store.s3 import S3Store
 from rsa_data.store.tables import WorkDir
-from tests.datasets.test_ddad import write_scene
 
 MATRIX = "5e2 0 3.2e2\n0 5.1e2 2.4e2\n0 0 1\n"
 

@@ -1,11 +1,10 @@
 """Text encoders against transformers, and the stage embed through its public builder."""
 
-import hashlib
-
 import numpy as np
 import pyarrow as pa
 import pytest
 import torch
+from tiny_encoders import captions
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.embeddings.batches import by_length, by_prefix
@@ -15,25 +14,6 @@ from rsa_data.embeddings.embed import build, distinct_texts
 from rsa_data.store import schemas
 
 TINY = {"width": 128, "heads": 2, "layers": 3, "context": 77, "vocabulary": 600, "dim": 64}
-
-
-def captions(texts: list[str]) -> pa.Table:
-    """A captions part with one row a text, three rows a sample."""
-    n = len(texts)
-    return schemas.from_columns(
-        "captions",
-        {
-            "sample_id": [f"d/train/{i // 3}" for i in range(n)],
-            "variant": [i % 3 for i in range(n)],
-            "text": texts,
-            "text_id": [hashlib.blake2b(t.encode(), digest_size=16).digest() for t in texts],
-            "n_objects": [1] * n,
-            "n_kept": [1] * n,
-            "n_tokens": [1] * n,
-            "area": [1.0] * n,
-            "area_kept": [1.0] * n,
-        },
-    )
 
 
 def reference_clip(**sizes: int):

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 import torch
+from tiny_encoders import SIGHT, captions, randomize
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.embeddings.embed import build, encode
 from rsa_data.store import schemas
-from tests.embeddings.test_embed import captions
 
 TEXTS = ["", "a", "a bed and a lamp", "lamp lamp bed", "bed " * 40]
 WORDS = ["<pad>", "<unk>", "<s>", "</s>", "a", "bed", "and", "lamp", "image"]
@@ -41,22 +41,6 @@ SIZES = {
     "eos_token_id": 3,
     "pad_token_id": 0,
 }
-SIGHT = {
-    "hidden_size": 32,
-    "intermediate_size": 64,
-    "num_hidden_layers": 1,
-    "num_attention_heads": 2,
-    "image_size": 32,
-    "patch_size": 16,
-}
-
-
-def randomize(model):
-    torch.manual_seed(0)
-    with torch.no_grad():
-        for parameter in model.parameters():
-            parameter.add_(torch.randn_like(parameter) * 0.2)
-    return model.eval()
 
 
 def save_clip(folder):

@@ -7,6 +7,7 @@ import pyarrow as pa
 import pytest
 import torch
 from PIL import Image
+from tiny_encoders import SIGHT, randomize, samples
 
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError
@@ -16,7 +17,6 @@ from rsa_data.embeddings.embed_images import build
 from rsa_data.embeddings.encoder import Encoder, ImageModel
 from rsa_data.embeddings.prepare import CLIP_RN50, preparer
 from rsa_data.store import schemas
-from tests.embeddings.test_huggingface import SIGHT, randomize
 
 SMALL = {"layers": (1, 1, 1, 1), "width": 8, "heads": 2, "size": 64, "dim": 12}
 
@@ -28,22 +28,6 @@ def images(folder, sizes=((40, 30), (30, 40), (64, 64))) -> list[np.ndarray]:
     for i, pixels in enumerate(made):
         Image.fromarray(pixels).save(folder / f"{i}.png")
     return made
-
-
-def samples(paths: list[str | None]) -> pa.Table:
-    n = len(paths)
-    none = [None] * n
-    return schemas.from_columns(
-        "samples",
-        {
-            "sample_id": [f"d/train/{i}" for i in range(n)],
-            "dataset": ["d"] * n,
-            "split": ["train"] * n,
-            "scene": ["s"] * n,
-            "image": paths,
-            **dict.fromkeys(("depth", "width", "height", "fx", "fy", "cx", "cy"), none),
-        },
-    )
 
 
 def test_attention_pool_is_torchs_multi_head_attention_of_the_mean():

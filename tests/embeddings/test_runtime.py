@@ -6,17 +6,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import torch
+from tiny_encoders import captions
 
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.common.tokenizers import clip
 from rsa_data.embeddings import audit
-from rsa_data.embeddings.batches import PREFIX_AXES, by_prefix
-from rsa_data.embeddings.clip_text import TextTower
 from rsa_data.embeddings.embed import build, encode, notes
-from rsa_data.embeddings.encoder import Encoder, TextModel
 from rsa_data.store import schemas
-from tests.embeddings.test_embed import captions
 
 TEXTS = [
     "An image.",
@@ -27,24 +23,10 @@ TEXTS = [
 ]
 
 
-def load(files) -> TextModel:
-    """A tiny CLIP text encoder with random weights and CLIP's own tokenizer."""
-    torch.manual_seed(0)
-    tower = TextTower(width=128, heads=2, layers=2, dim=32).eval()
-    with torch.no_grad():
-        for name, parameter in tower.named_parameters():
-            scale = 1.0 if "ln_" in name and "weight" in name else 0.0
-            parameter.normal_(scale, 0.1 if "embedding" in name else 0.05)
-    return TextModel(tower, clip().encode, by_prefix, 64, PREFIX_AXES, 32, False)
-
-
-TINY = Encoder("A tiny CLIP.", lambda argument, weights: {}, load)
-
-
 @pytest.fixture(autouse=True)
 def tiny(monkeypatch, tmp_path_factory):
     """The encoder `tiny` in the registry, and one cache of graphs for this file."""
-    monkeypatch.setitem(registry.ENCODERS, "tiny", f"{__name__}:TINY")
+    monkeypatch.setitem(registry.ENCODERS, "tiny", "tiny_encoders:TINY")
     cache = tmp_path_factory.getbasetemp() / "cache"
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
 

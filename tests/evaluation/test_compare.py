@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from evaluated import images
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation.compare import compare, merge_seeds
 from rsa_data.evaluation.contenders import inputs_of
 from rsa_data.store.tables import WorkDir
-from tests.evaluation.test_evaluate import images
 
 TEXTS = [["a 0", "a 1", "a 2"], ["a 1", "a 2", "a 3"], ["a 2", "a 3", "a 0"], ["a 3", "a 0", "a 1"]]
 

@@ -30,12 +30,12 @@ def test_objects_of_the_right_size_give_the_true_scale():
     depth[:, 300:] = 4.0
     y = 1 / depth / 0.02
     objects = row(("car", 9.0, 50, 100), ("person", 4.0, 400, 100), ("chair", 4.0, 500, 50))
-    assert sizes.scale_from_sizes(*sizes._objects(image(y), objects)) == pytest.approx(
+    assert sizes.scale_from_sizes(*sizes.objects_of(image(y), objects)) == pytest.approx(
         0.02, rel=1e-3
     )
     half = row(("car", 9.0, 50, 100))
     small = image(y[::2, ::2])  # y of another size than the image
-    assert sizes.scale_from_sizes(*sizes._objects(small, half)) == pytest.approx(0.02, rel=1e-3)
+    assert sizes.scale_from_sizes(*sizes.objects_of(small, half)) == pytest.approx(0.02, rel=1e-3)
 
 
 def test_the_scale_is_the_weighted_least_squares_of_the_relative_error():
@@ -50,7 +50,7 @@ def test_what_is_cut_off_or_unknown_does_not_count():
     objects = row(("car", 9.0, 0, 100), ("person", 4.0, 400, 300), ("chair", 4.0, 610, 50))
     objects["label"].append("cloud")
     objects["box"].append([10, 10, 50, 50])
-    assert sizes.scale_from_sizes(*sizes._objects(image(y), objects)) is None
+    assert sizes.scale_from_sizes(*sizes.objects_of(image(y), objects)) is None
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_what_is_cut_off_or_unknown_does_not_count():
 )
 def test_what_it_needs(fy, found, says):
     with pytest.raises(RowError, match=says):
-        sizes._objects(image(np.ones((4, 4)), fy), found)
+        sizes.objects_of(image(np.ones((4, 4)), fy), found)
 
 
 def test_every_size_names_its_source():

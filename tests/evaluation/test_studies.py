@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from evaluated import SIZE, images, maps
 
 from rsa_data import depth_errors
 from rsa_data.common.errors import UsageError
@@ -17,10 +18,9 @@ from rsa_data.evaluation.scenes import one_description
 from rsa_data.evaluation.setting import rules_of
 from rsa_data.evaluation.summary import Row, summarise
 from rsa_data.store import schemas
-from tests.evaluation.test_evaluate import SIZE, images, maps, trained, work  # noqa: F401
 
 
-def test_another_models_depth_under_the_same_protocol(work, tmp_path):  # noqa: F811
+def test_another_models_depth_under_the_same_protocol(work, tmp_path):
     (tmp_path / "other" / "nyuv2" / "test").mkdir(parents=True)
     for i, (_, gt) in enumerate(maps(work, "nyuv2", 1)):
         if i == 1:
@@ -41,7 +41,7 @@ def test_another_models_depth_under_the_same_protocol(work, tmp_path):  # noqa: 
     assert rows[0]["scale"] is None or np.isnan(rows[0]["scale"])
 
 
-def test_a_prediction_of_another_size_is_resized(work, tmp_path):  # noqa: F811
+def test_a_prediction_of_another_size_is_resized(work, tmp_path):
     (tmp_path / "test").mkdir()
     small = np.random.default_rng(0).uniform(1, 5, (3, 4)).astype(np.float32)
     np.save(tmp_path / "test" / "000000.npy", small)
@@ -55,7 +55,7 @@ def test_a_prediction_of_another_size_is_resized(work, tmp_path):  # noqa: F811
 
 
 @pytest.mark.parametrize("given", ["Other", "=x", "Other=/no/such/folder"])
-def test_a_wrong_external_is_refused(work, given):  # noqa: F811
+def test_a_wrong_external_is_refused(work, given):
     with pytest.raises(UsageError, match="--external"):
         evaluate(work, external=(given,))
 
@@ -108,14 +108,14 @@ def test_another_backbone_leaves_only_models_that_need_none(change, why):
     assert any(why in note for note in notes)
 
 
-def test_evaluate_compares_with_the_paper_and_says_why_not(work):  # noqa: F811
+def test_evaluate_compares_with_the_paper_and_says_why_not(work):
     found = evaluate(work, compare="paper")
     assert "number of test images is 16 here, 654 there" in found.summary
     with pytest.raises(UsageError, match="--compare"):
         evaluate(work, compare="papers")
 
 
-def test_hard_images_are_the_poorly_described(work):  # noqa: F811
+def test_hard_images_are_the_poorly_described(work):
     about = pd.DataFrame(
         {
             "sample_id": [f"s{i}" for i in range(8)],
@@ -139,7 +139,7 @@ def test_hard_images_are_the_poorly_described(work):  # noqa: F811
     )
 
 
-def test_the_spread_is_that_of_the_variants(work):  # noqa: F811
+def test_the_spread_is_that_of_the_variants(work):
     """A head that reads scale off the feature: the spread follows the variants' features."""
     images(work, "void", 8, "test", texts=[["a 0", "a 1", "a 2"]] * 8)
     part = TestPart(work, "void", 0, "depth/files")
@@ -175,7 +175,7 @@ def test_calibration_of_bars_that_tell_the_truth():
     assert (spread.inflation(same), spread.rank_correlation(same)) == (np.inf, 0.0)
 
 
-def test_one_description_a_scene(work):  # noqa: F811
+def test_one_description_a_scene(work):
     part = TestPart(work, "nyuv2", 1, "depth/files")
     names = ("embeddings/occupancy/minilm", "captions/occupancy")
     see = one_description([part], *names)

@@ -279,10 +279,10 @@ def test_a_head_trains_on_image_features_alone(work):
 
 
 def test_a_loss_by_its_logarithm_is_that_of_the_datasets_named():
-    from rsa_data.heads.train.optimization import _with_logs
+    from rsa_data.heads.train.optimization import with_logs
 
     loss, dataset = torch.tensor([2.0, 4.0, 5.0]), torch.tensor([0, 0, 1])
-    total = _with_logs(loss, dataset, np.array([True, False]))
+    total = with_logs(loss, dataset, np.array([True, False]))
     assert float(total) == pytest.approx(np.log(3) + 5)
 
 

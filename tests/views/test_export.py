@@ -5,6 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from click.testing import CliRunner
+from tiny_encoders import captions, samples
 
 from rsa_data import registry
 from rsa_data.cli.main import cli
@@ -13,9 +14,6 @@ from rsa_data.embeddings.embed import build
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.export import export
-from tests.embeddings.test_embed import captions
-from tests.embeddings.test_images import samples
-from tests.embeddings.test_runtime import TINY  # noqa: F401
 
 TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"]
 
@@ -23,7 +21,7 @@ TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"
 @pytest.fixture
 def work(tmp_path, monkeypatch) -> WorkDir:
     """A work dir with one part of two images, three captions each, and their features."""
-    monkeypatch.setitem(registry.ENCODERS, "tiny", "tests.embeddings.test_runtime:TINY")
+    monkeypatch.setitem(registry.ENCODERS, "tiny", "tiny_encoders:TINY")
     work = WorkDir(tmp_path / "work")
     part = captions(TEXTS)
     made = {

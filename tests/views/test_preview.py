@@ -63,7 +63,7 @@ def test_what_cannot_be_shown_is_told(tmp_path):
 
 def test_the_command_draws_a_sheet(tmp_path, monkeypatch):
     pytest.importorskip("onnx")
-    from tests.segments.test_detect import CARD, write_semantic
+    from own_models import CARD, write_semantic
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "images").mkdir()

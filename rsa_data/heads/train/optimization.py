@@ -182,7 +182,7 @@ def _step(
     if settings.supervision != "depth":
         loss = loss + to_fit(scale, shift, fits)
     loss = loss * torch.from_numpy(settings.weight)[dataset].float()
-    mean = loss.mean() if not settings.log.any() else _with_logs(loss, dataset, settings.log)
+    mean = loss.mean() if not settings.log.any() else with_logs(loss, dataset, settings.log)
     gradient = row.grad
     assert gradient is not None
     gradient.zero_()
@@ -194,7 +194,7 @@ def _step(
     return float(mean.detach())
 
 
-def _with_logs(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
+def with_logs(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
     """Sum over the datasets of a batch of their mean loss, or of its logarithm."""
     total = torch.zeros(())
     for d in dataset.unique().tolist():

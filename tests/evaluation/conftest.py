@@ -1,0 +1,24 @@
+"""A work dir with a trained head, shared by the tests of evaluation."""
+
+import shutil
+
+import pytest
+from evaluated import FAST, images
+
+from rsa_data.heads.train.train_head import train_head
+from rsa_data.store.tables import WorkDir
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory):
+    work = WorkDir(tmp_path_factory.mktemp("work"))
+    images(work, "nyuv2", 64, "train")
+    images(work, "nyuv2", 16, "test", first_part=1)
+    train_head(work, epochs=10, **FAST)
+    return work.store.location
+
+
+@pytest.fixture
+def work(trained, tmp_path) -> WorkDir:
+    shutil.copytree(trained, tmp_path / "work")
+    return WorkDir(tmp_path / "work")
