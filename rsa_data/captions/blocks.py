@@ -6,13 +6,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from ..common.class_names import clean
 from ..common.errors import RsaDataError
 from ..common.progress import advance
 from .assemble import MAX_BYTES
 from .choose import CAPTIONS_A_BLOCK
 from .columns import Columns
 from .compose import Recipe, compose
-from .words import clean
 
 _MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ..common import text_files
 from ..common.errors import RsaDataError
 from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
+from ..datasets import rsa_files
 from .columns import caption_table
 from .styles import NOTHING
 
@@ -25,9 +27,6 @@ VERSION = 1
 # A row of samples (sample_id, image) -> the texts of that image, None when none are known.
 Reader = Callable[[str, str | None], list[str] | None]
 Importer = Callable[[str], Reader]
-
-# Folder of the release -> our dataset, where the names differ.
-_FOLDERS = {"nyuv2": "nyu"}
 
 
 def step(style: str, read: Reader, tokenizer: Tokenizer) -> Callable[..., pa.Table]:
@@ -89,18 +88,17 @@ def release_text(argument: str) -> Reader:
     argument : a clone of the RSA repository, its `text` folder, or `text_all` itself.
     """
     directory = Path(argument)
-    steps = ("text_all", "text/text_all", "RSA/text/text_all", ".")
-    bases = [directory / below for below in steps]
+    bases = list(rsa_files.places(directory, "text_all"))
     known = {name for base in bases if base.is_dir() for name in _folders(base)}
 
     def read(sample_id: str, image: str | None) -> list[str] | None:
         name, _, key = sample_id.partition("/")
-        folder = _FOLDERS.get(name, name)
+        folder = rsa_files.folder_of(name)
         for base in bases:
             if (base / folder).is_dir():
                 return _lines(base / folder / f"{key}.txt", f"{folder}/{key}.txt")
         raise RsaDataError(
-            f"captions/release-text: expected a folder {steps[0]}/{folder} below {directory} (or "
+            f"captions/release-text: expected a folder text_all/{folder} below {directory} (or "
             f"below its text or RSA/text); found {', '.join(sorted(known)) or 'none'}. PATH is a "
             "clone of the RSA repository"
         )
@@ -115,12 +113,12 @@ def _folders(base: Path) -> list[str]:
 def _lines(path: Path, shown: str) -> list[str] | None:
     try:
         # open() and read() of 25,000 files cost half of what Path.read_text() does.
-        with open(path, encoding="utf-8") as file:  # noqa: PTH123
-            return file.read().split("\n")
+        with open(path, "rb") as file:  # noqa: PTH123
+            return text_files.lines(text_files.decode(file.read()))
     except FileNotFoundError:
         return None
-    except UnicodeDecodeError as error:
-        raise RsaDataError(f"captions: {shown}: expected UTF-8; found {error.reason}") from error
+    except ValueError as error:
+        raise RsaDataError(f"captions: {shown}: expected UTF-8 text; found {error}") from error
 
 
 def import_texts(argument: str) -> Reader:

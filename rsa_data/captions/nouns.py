@@ -4,16 +4,6 @@ Every plural of the class names of COCO panoptic, LVIS and ADE20K was read by ey
 wrong stands here. A table goes by the whole name or by its last word ("short pants" by "pants").
 """
 
-# Names as datasets squeeze or garble them -> as they are written.
-SPELLED = {
-    "diningtable": "dining table",
-    "icecream": "ice cream",
-    "monitor computer monitor": "computer monitor",
-    "playingfield": "playing field",
-    "pottedplant": "potted plant",
-    "tvmonitor": "tv monitor",
-}
-
 # Countable, where inflect errs or another table would catch the last word.
 PLURALS = {
     "banjo": "banjos",

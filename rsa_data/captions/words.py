@@ -1,18 +1,12 @@
 """Class names as English words: cleaned, with their article and their plural."""
 
-import re
-import unicodedata
 from collections.abc import Container
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from .nouns import MASS, PAIRS, PLURAL, PLURALS, SPELLED
-
-# COCO panoptic names its merged classes "wall-brick", "sky-other-merged": the released segments
-# have what stands before the first hyphen.
-_COCO = re.compile(r"-(?:merged|other|stuff|wood|brick|stone|tile|blind)\b.*")
-_GLOSS = re.compile(r"\([^()]*\)")
+from ..common.class_names import clean
+from .nouns import MASS, PAIRS, PLURAL, PLURALS
 
 
 @dataclass(frozen=True)
@@ -58,31 +52,6 @@ def word(label: str) -> Word:
 def number_word(number: int) -> str:
     """two, seventeen, twenty-one."""
     return str(_engine().number_to_words(number))
-
-
-def clean(label: str) -> str:
-    """`bow_(weapon)` as bow, `wall-brick` as wall, `sofa, couch, lounge` as sofa.
-
-    What has neither letter nor digit becomes "object".
-    """
-    text = label.replace("_", " ")
-    while (shorter := _GLOSS.sub(" ", text)) != text:
-        text = shorter
-    text = _COCO.sub("", text.split("(")[0])
-    text = re.split(r"[,;]", text.strip(" ,;"))[0]
-    # No reader sees control characters, and signs at the ends would run into those between phrases.
-    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
-    begin, end = 0, len(text)
-    while begin < end and _is_sign(text[begin]):
-        begin += 1
-    while begin < end and _is_sign(text[end - 1]):
-        end -= 1
-    text = text[begin:end] or "object"
-    return SPELLED.get(text, text)
-
-
-def _is_sign(character: str) -> bool:
-    return unicodedata.category(character)[0] in "PSZ"
 
 
 def _find(name: str, nouns: Container[str]) -> str | None:

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +15,7 @@ from . import forms
 from .errors import RsaDataError, unknown
 
 _FORM = {"first?": "a class number", "count?": "a class number"}
+_GLOSS = re.compile(r"\([^()]*\)")
 _TABLES = Path(__file__).parent / "class_tables.toml"
 
 
@@ -35,15 +37,44 @@ class ClassTable:
         return self.names.get(number, f"class {number}")
 
 
-def caption_name(name: str) -> str:
-    """A class name as the released captions write it: plain words.
+@cache
+def clean(name: str) -> str:
+    """A class name as captions write it: plain words, whatever dataset it comes from.
 
-    The part up to the first "-" ("wall-brick" is wall, "food-other-merged" is food), without
-    parenthesised glosses ("bow_(weapon)" is bow), underscores as spaces, and COCO's word where
-    VOC has another ("diningtable" is dining table).
+    COCO's merged and stuff classes lose what follows their noun ("wall-brick" is wall,
+    "food-other-merged" is food); any other hyphen stays ("T-shirt"). Underscores become spaces,
+    glosses in parentheses go ("bow_(weapon)" is bow), the first of several names stays
+    ("building;edifice" is building), and COCO's word stands where other datasets have another
+    ("diningtable" is dining table, "sofa" is couch). What has neither letter nor digit becomes
+    "object".
     """
-    name = re.sub(r"\s+", " ", re.sub(r"\(.*?\)", "", name.split("-")[0].replace("_", " "))).strip()
-    return _tables()["synonyms"].get(name, name)
+    text = name.replace("_", " ")
+    while (shorter := _GLOSS.sub(" ", text)) != text:
+        text = shorter
+    text = re.split(r"[,;]", text.split("(")[0].strip(" ,;"))[0]
+    # No reader sees control characters, and signs at the ends would run into those between phrases.
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    begin, end = 0, len(text)
+    while begin < end and _is_sign(text[begin]):
+        begin += 1
+    while begin < end and _is_sign(text[end - 1]):
+        end -= 1
+    text = text[begin:end] or "object"
+    if text in _coco_compounds():
+        text = text.partition("-")[0]
+    return str(_tables()["synonyms"].get(text, text))
+
+
+def _is_sign(character: str) -> bool:
+    return unicodedata.category(character)[0] in "PSZ"
+
+
+@cache
+def _coco_compounds() -> frozenset[str]:
+    """The names of COCO panoptic and COCO-Stuff that have a hyphen after the class's noun."""
+    tables = _tables()
+    panoptic = tables["tables"]["coco-panoptic"]["names"].values()
+    return frozenset(name for name in (*panoptic, *tables["coco_stuff"]) if "-" in name)
 
 
 @cache
@@ -95,7 +126,7 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
     else:
         countable = frozenset(n for n, name in numbers.items() if name in things)
     count = spec.get("count", max(numbers, default=-1) + 1)
-    plain = {n: caption_name(name) for n, name in numbers.items() if name}
+    plain = {n: clean(name) for n, name in numbers.items() if name}
     return ClassTable(plain, countable, count)
 
 

@@ -1,16 +1,12 @@
 """Reading ground-truth depth: 16-bit PNG in any unit, NumPy arrays."""
 
-from __future__ import annotations
-
-import io
-import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ..common.errors import RowError
-from .images import MAX_PIXELS, read_bytes, reason
+from .pixel_files import GREY, float32, read_npy, read_png
 
 # Units in a metre.
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
@@ -42,69 +38,57 @@ def png16(
     """
 
     def read(path: Path) -> np.ndarray:
-        values = read_png16(path)
+        try:
+            values = read_png16(path)
+        except RowError as error:
+            raise RowError(f"depth: {error}") from error
         if rotated:
             values = values >> rotated | values << (16 - rotated)
         depth = values.astype(np.float32) / np.float32(per_metre)
-        for value in none:
-            depth[values == value] = 0
+        depth[np.isin(values, none)] = 0
         return depth
 
     return read
 
 
 def read_png16(path: Path) -> np.ndarray:
-    """The values of a 16-bit grey PNG: uint16 of shape (height, width)."""
-    data = read_bytes(path)
-    if not data.startswith(b"\x89PNG\r\n\x1a\n"):
-        found = f"a file that begins with {data[:16]!r}" if data else "an empty file"
-        raise RowError(f"depth: expected a 16-bit grey PNG, found {found}")
-    if len(data) < 26:
-        raise RowError("depth: expected a 16-bit grey PNG, found a PNG without a header")
-    # Where every PNG has width, height, bit depth and colour type (PNG 1.2, section 4.1.1).
-    width, height, bits, kind = struct.unpack(">IIBB", data[16:26])
-    if (bits, kind) != (16, 0):
-        raise RowError(
-            f"depth: expected a 16-bit grey PNG, found {bits} bits a channel and colour type {kind}"
-        )
-    if width * height > MAX_PIXELS:
-        raise RowError(f"depth: expected at most {MAX_PIXELS} pixels, found {width} x {height}")
-    from PIL.PngImagePlugin import PngImageFile
-
-    try:
-        return np.asarray(PngImageFile(io.BytesIO(data))).astype(np.uint16)
-    except MemoryError:
-        raise
-    except Exception as error:  # Pillow's decoders raise nearly every built-in kind
-        raise RowError(f"depth: unreadable PNG: {reason(error)}") from error
+    """The values of a 16-bit grey PNG: uint16 of shape (height, width). Raises RowError."""
+    png = read_png(path, "a 16-bit grey PNG")
+    if (png.bits, png.colour) != (16, GREY):
+        raise RowError(f"expected a 16-bit grey PNG, found {png.described()}")
+    return png.values
 
 
-def npy(per_metre: float) -> Callable[[Path], np.ndarray]:
+def npy(
+    per_metre: float, none: tuple[int, ...] = (), steps: bool = False
+) -> Callable[[Path], np.ndarray]:
     """A reader of .npy depth: path -> float32 of shape (height, width), m, 0 where there is none.
 
-    The file holds one array of shape (height, width), integer or real; values that are not finite
-    or not above 0 mean none.
+    The file holds one array of shape (height, width), integer or real, maybe with axes of size 1
+    more. Values that are not finite or not above 0 mean none, and so does the largest value of the
+    array's integer type.
 
     per_metre : units of the file in a metre, 1 for metres.
+    none : values of integers that mean none besides.
+    steps : whether the unit is so many steps a metre, which only integers are counted in.
 
     The reader raises RowError for a file that is missing, broken or of another kind.
     """
 
     def read(path: Path) -> np.ndarray:
-        data = io.BytesIO(read_bytes(path))
         try:
-            values = np.lib.format.read_array(data, allow_pickle=False)
-        except (
-            Exception
-        ) as error:  # a damaged header raises anything from SyntaxError to MemoryError
-            raise RowError(f"depth: unreadable .npy: {reason(error)}") from error
-        if values.ndim != 2 or values.dtype.kind not in "fiu":
+            values = read_npy(path)
+        except RowError as error:
+            raise RowError(f"depth: {error}") from error
+        if steps and values.dtype.kind == "f":
             raise RowError(
-                f"depth: expected numbers of shape (height, width), found {values.dtype} of shape "
-                f"{values.shape}"
+                f"depth: expected integers, counted in steps of 1/{per_metre:g} m, found "
+                f"{values.dtype}; if the file is in metres, say depth_unit=m"
             )
-        depth = values.astype(np.float32) / np.float32(per_metre)
+        depth = float32(values) / np.float32(per_metre)
         depth[~(np.isfinite(depth) & (depth > 0))] = 0
+        if values.dtype.kind in "iu":
+            depth[np.isin(values, [*none, np.iinfo(values.dtype).max])] = 0
         return depth
 
     return read

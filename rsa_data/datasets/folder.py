@@ -110,7 +110,10 @@ def _reader(unit: str) -> Callable[[Path], np.ndarray]:
             f"found {unit!r}"
         ) from error
     # A camera writes the largest value for "too far".
-    readers = {".png": png16(per_metre, none=(0, 65535)), ".npy": npy(per_metre)}
+    readers = {
+        ".png": png16(per_metre, none=(0, 65535)),
+        ".npy": npy(per_metre, none=(65535,), steps=unit not in UNITS),
+    }
     return lambda path: readers[path.suffix.lower()](path)
 
 

@@ -27,8 +27,9 @@ _DEPTH = (
     "kitti_ground_truth",
 )
 
-# Height and width of the benchmark's own images, to which BTS and RSA crop: bottom, centred.
-_CROP = (352, 1216)
+# Height and width, px, of the benchmark's own images, to which BTS (`do_kb_crop`) and RSA crop:
+# bottom, centred.
+CROP = (352, 1216)
 
 
 def kitti(*, train_list: Path | None = None, test_list: Path | None = None) -> Dataset:
@@ -60,8 +61,8 @@ def drive(key: str) -> str:
 def crop(height: int, width: int) -> np.ndarray:
     """bool of shape (height, width): True inside the crop to 352 x 1216, bottom, centred."""
     mask = np.zeros((height, width), bool)
-    left = max(0, (width - _CROP[1]) // 2)
-    mask[max(0, height - _CROP[0]) :, left : left + _CROP[1]] = True
+    left = max(0, (width - CROP[1]) // 2)
+    mask[max(0, height - CROP[0]) :, left : left + CROP[1]] = True
     return mask
 
 

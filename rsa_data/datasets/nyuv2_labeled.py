@@ -100,8 +100,7 @@ def _frames(
         test = {int(number) - 1 for number in numbers}  # MATLAB counts from 1
         with h5py.File(root / _FRAMES) as file:
             for i in range(file["names"].shape[1]):
-                # A hyphen would end a class name in captions.
-                names.append(_text(file, "names", i).replace("-", " "))
+                names.append(_text(file, "names", i))
             for i in range(len(file["images"])):
                 split = "test" if i in test else "train"
                 image = f"{split}/{_text(file, 'scenes', i)}/rgb_{i:05d}.png"

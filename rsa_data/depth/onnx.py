@@ -11,11 +11,9 @@ import numpy as np
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.models import Card, card_of, local_file, open_session
 from ..datasets import images
+from ..datasets.kitti import CROP
 from .files import inverse
 from .model import Relative, Source
-
-# Size of the crop of KITTI images, height and width in px (BTS, `do_kb_crop`).
-KB_CROP = (352, 1216)
 
 
 def build(
@@ -158,7 +156,7 @@ def normalise(image: np.ndarray, card: Card) -> np.ndarray:
 
 def kb_box(height: int, width: int) -> Box:
     """KITTI's crop of BTS, bottom centre, as fractions of the image; RowError for a smaller one."""
-    h, w = KB_CROP
+    h, w = CROP
     if height < h or width < w:
         raise RowError(f"crop kb: expected at least {w}x{h} px, found {width}x{height}")
     left = (width - w) // 2

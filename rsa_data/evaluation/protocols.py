@@ -7,6 +7,7 @@ import numpy as np
 
 from ..common.errors import RowError, unknown
 from ..datasets.dataset import Dataset
+from ..datasets.kitti import CROP
 
 # (height, width) -> bool array of that shape, True where pixels count.
 Region = Callable[[int, int], np.ndarray]
@@ -49,11 +50,11 @@ def garg(height: int, width: int) -> np.ndarray:
 
 def kb_garg(height: int, width: int) -> np.ndarray:
     """KITTI's benchmark crop, 352 rows at the bottom and 1216 columns, then Garg's of that."""
-    if height < 352 or width < 1216:
-        raise RowError(f"the KB crop needs at least 1216x352 px, found {width}x{height}")
-    top, left = height - 352, (width - 1216) // 2
+    if height < CROP[0] or width < CROP[1]:
+        raise RowError(f"the KB crop needs at least {CROP[1]}x{CROP[0]} px, found {width}x{height}")
+    top, left = height - CROP[0], (width - CROP[1]) // 2
     region = np.zeros((height, width), bool)
-    region[top:, left : left + 1216] = garg(352, 1216)
+    region[top:, left : left + CROP[1]] = garg(*CROP)
     return region
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..captions.words import clean
+from ..common.class_names import clean
 from ..common.errors import RowError
 from ..store.tables import WorkDir
 from .inputs import Image, TestPart

@@ -122,7 +122,8 @@ def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
         with _ALONE, warnings.catch_warnings():
             # pycocotools' arrays do not know numpy 2's copy argument yet.
             warnings.simplefilter("ignore", DeprecationWarning)
-            return coco_mask.decode(given).astype(bool)
+            mask: np.ndarray = coco_mask.decode(given).astype(bool)
+            return mask
     except RowError:
         raise
     except Exception as error:  # pycocotools raises nearly every built-in kind

@@ -15,4 +15,5 @@ RESULT |= {"bbox?": "a list of 4 numbers"}
 
 def check(items: Any, wanted: dict[str, str], where: str) -> list[dict[str, Any]]:
     """The list itself, if it is one of objects of that form; see shape.check."""
-    return forms.check(items, [wanted], where)
+    found: list[dict[str, Any]] = forms.check(items, [wanted], where)
+    return found

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..common.class_names import ClassTable, caption_name
+from ..common.class_names import ClassTable, clean
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import each
 from ..datasets.dataset import Dataset
@@ -127,7 +127,7 @@ def _some(ids: list[int]) -> str:
 def categories(content: dict[str, Any], path: Path) -> ClassTable:
     """The class table of a COCO file's categories."""
     given = coco_json.check(content.get("categories"), coco_json.CATEGORY, f"{path}: categories")
-    names = {c["id"]: caption_name(c["name"]) for c in given}
+    names = {c["id"]: clean(c["name"]) for c in given}
     things = frozenset(c["id"] for c in given if c.get("isthing", 1))
     return ClassTable(names, things, max(names, default=-1) + 1)
 
@@ -138,10 +138,11 @@ def read_json(path: Path, keys: tuple[str, ...], where: str) -> dict[str, Any]:
         content = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise RsaDataError(f"{where}: expected a JSON file at {path}; found: {error}") from error
+    lists: dict[str, Any] = content if isinstance(content, dict) else {}
     for key in keys:
-        if not isinstance(content, dict) or not isinstance(content.get(key), list):
+        if not isinstance(lists.get(key), list):
             raise RsaDataError(f"{where}: expected a list {key!r} in {path}; found none")
-    return content
+    return lists
 
 
 class ByFileName:

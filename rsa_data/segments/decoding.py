@@ -36,4 +36,5 @@ def sigmoid(values: np.ndarray) -> np.ndarray:
 def softmax(values: np.ndarray) -> np.ndarray:
     """Softmax over the last axis."""
     values = np.exp(values - values.max(-1, keepdims=True))
-    return values / values.sum(-1, keepdims=True)
+    shares: np.ndarray = values / values.sum(-1, keepdims=True)
+    return shares

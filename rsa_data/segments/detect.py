@@ -77,7 +77,8 @@ def build(
                 f"segmenter {name}: the option {option} has no effect here; leave it out"
             )
     own = {option: value for option, value in given.items() if option in known}
-    return builder(name=name, argument=argument or None, dataset=dataset, root=root, **own)
+    step: Step = builder(name=name, argument=argument or None, dataset=dataset, root=root, **own)
+    return step
 
 
 def files(
@@ -98,7 +99,8 @@ def files(
     if finder is None:
         return {}
     given |= {"model": model, "model_card": model_card}
-    return finder(name=name, argument=argument or None, **given)
+    found: dict[str, Path] = finder(name=name, argument=argument or None, **given)
+    return found
 
 
 def _check_name(name: str, model_card: Path | None) -> None:

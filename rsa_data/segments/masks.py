@@ -66,7 +66,8 @@ def resize(values: np.ndarray, height: int, width: int, used: tuple[float, float
     top, bottom, y = _taps(values.shape[0], height, used[0])
     left, right, x = _taps(values.shape[1], width, used[1])
     rows = values[top] + (values[bottom] - values[top]) * y[:, None]  # (height, w)
-    return rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
+    resized: np.ndarray = rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
+    return resized
 
 
 def _taps(size: int, wanted: int, used: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,7 +91,8 @@ def paste(mask: np.ndarray, box: np.ndarray, height: int, width: int) -> np.ndar
     top, bottom, y = _box_taps(mask.shape[0], height, y1, y2)
     left, right, x = _box_taps(mask.shape[1], width, x1, x2)
     rows = framed[top] + (framed[bottom] - framed[top]) * y[:, None]  # (height, w + 2)
-    return rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
+    resized: np.ndarray = rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
+    return resized
 
 
 def _box_taps(

@@ -15,7 +15,8 @@ from ..common.progress import advance
 from ..datasets import images
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
-from .graph import Detector, Prepared, class_table, load
+from .graph import Detector, class_table, load
+from .graph_checks import Prepared
 from .segments import Segments, to_table
 
 # Images read before the model asks for them: enough that it never waits for a slow one, few enough

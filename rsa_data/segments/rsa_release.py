@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..common import class_names
+from ..common import class_names, text_files
 from ..common.errors import RowError, RsaDataError
 from ..common.progress import advance
+from ..datasets import rsa_files
 from ..datasets.dataset import Dataset
 from ..store import schemas
 from .segments import Segments, to_table
@@ -18,8 +19,8 @@ from .segments import Segments, to_table
 # Characters. Tokenizers take time by the square of a word's length.
 LONGEST_NAME = 200
 
-# Folder of the release -> our dataset, where the names differ.
-_FOLDERS = {"nyuv2": "nyu"}
+# The release's folder of segments.
+_KIND = "seg_txt_panoptic"
 
 
 def build(*, argument: str | None, dataset: Dataset, **_: Any) -> Callable[[pa.Table], pa.Table]:
@@ -50,13 +51,12 @@ def find(argument: str | Path | None, dataset: Dataset) -> Path:
             "Write rsa-release:DIR, where DIR is a clone of the RSA repository or its text folder"
         )
     directory = Path(argument)
-    folder = _FOLDERS.get(dataset.name, dataset.name)
-    steps = ("seg_txt_panoptic", "text/seg_txt_panoptic", "RSA/text/seg_txt_panoptic", ".")
-    for below in steps:
-        if (directory / below / folder).is_dir():
-            return directory / below / folder
+    folder = rsa_files.folder_of(dataset.name)
+    for place in rsa_files.places(directory, _KIND):
+        if (place / folder).is_dir():
+            return place / folder
     raise RsaDataError(
-        f"segments/rsa-release: expected a folder {steps[0]}/{folder} below {directory} (or below "
+        f"segments/rsa-release: expected a folder {_KIND}/{folder} below {directory} (or below "
         f"its text or RSA/text); found none. DIR is a clone of the RSA repository"
     )
 
@@ -111,12 +111,12 @@ def _read(base: Path, sample_id: str) -> Segments | RowError:
     where = f"{base.name}/{sample_id.split('/', 1)[1]}.txt"
     try:
         # open() and read() of 25,000 files cost half of what Path.read_text() does.
-        with open(f"{base.parent}/{where}", encoding="utf-8") as file:  # noqa: PTH123
-            lines = file.read().split("\n")
+        with open(f"{base.parent}/{where}", "rb") as file:  # noqa: PTH123
+            lines = text_files.lines(text_files.decode(file.read()))
     except FileNotFoundError:
         return RowError(f"segments/rsa-release: {where}: expected this file; found none")
-    except UnicodeDecodeError as error:
-        return RowError(f"segments/rsa-release: {where}: expected UTF-8 text; found {error.reason}")
+    except ValueError as error:
+        return RowError(f"segments/rsa-release: {where}: expected UTF-8 text; found {error}")
     try:
         return parse(lines)
     except RowError as error:

@@ -77,7 +77,7 @@ def test_unpacked_frames_are_those_of_the_file(root):
         key = r["sample_id"].split("/", 2)[2]
         assert dataset.key_paths(r["split"], key) == (r["image"], r["depth"])
     names = class_names.read(root / "names.toml").names
-    assert names == {1: "wall", 2: "air conditioner", 3: 'the "best" chair'}
+    assert names == {1: "wall", 2: "air-conditioner", 3: 'the "best" chair'}
 
 
 def test_a_stopped_unpacking_goes_on_and_a_finished_one_needs_no_file(root):

@@ -54,12 +54,35 @@ def test_npy(tmp_path):
     expected = np.array([[1.5, 0, 0], [0, 0, 2]], np.float32)
     np.testing.assert_array_equal(npy(1)(put(tmp_path, "d.npy", npy_bytes(values))), expected)
     path = put(tmp_path, "mm.npy", npy_bytes(np.asfortranarray(VALUES)))
-    np.testing.assert_array_equal(npy(1000)(path), VALUES.astype(np.float32) / np.float32(1000))
+    expected = np.where(VALUES < 65535, VALUES, 0).astype(np.float32) / np.float32(1000)
+    np.testing.assert_array_equal(npy(1000)(path), expected)
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 1), (1, 2, 3), (1, 2, 3, 1)])
+def test_axes_of_size_one_are_dropped(tmp_path, shape):
+    values = np.arange(1.0, 7.0).reshape(shape)
+    depth = npy(1)(put(tmp_path, "d.npy", npy_bytes(values)))
+    np.testing.assert_array_equal(depth, values.reshape(2, 3).astype(np.float32))
+
+
+def test_no_value_codes_of_integers(tmp_path):
+    own = folder(depth="depth", depth_unit="mm")
+    for kind, none in ((np.uint16, [65535]), (np.int32, [65535, -1, 2**31 - 1]), (np.int16, [-1])):
+        values = np.array([[2000, *none, 0]], kind)
+        depth = own.read_depth(put(tmp_path, "d.npy", npy_bytes(values)))
+        np.testing.assert_array_equal(depth, [[2, *[0] * len(none), 0]])
+
+
+def test_steps_a_metre_are_counted_in_integers(tmp_path):
+    own = folder(depth="depth", depth_unit="m/256")
+    assert own.read_depth(put(tmp_path, "d.npy", npy_bytes(np.array([[640]])))) == [[2.5]]
+    with pytest.raises(RowError, match=r"found float64; if the file is in metres, say depth_unit"):
+        own.read_depth(put(tmp_path, "d.npy", npy_bytes(np.array([[2.5]]))))
 
 
 BROKEN_PNG = {
-    "8 bits": (png(VALUES.astype(np.uint8)), "found 8 bits a channel and colour type 0"),
-    "colour": (png(np.zeros((2, 2, 3), np.uint16)), "found 16 bits a channel and colour type 2"),
+    "8 bits": (png(VALUES.astype(np.uint8)), "found 8 bits, grey"),
+    "colour": (png(np.zeros((2, 2, 3), np.uint16)), "found 16 bits, RGB"),
     "a photograph": (b"\xff\xd8\xff\xe0", "expected a 16-bit grey PNG, found a file that begins"),
     "empty": (b"", "expected a 16-bit grey PNG, found an empty file"),
     "signature only": (png(VALUES)[:8], "found a PNG without a header"),
@@ -79,7 +102,7 @@ def test_broken_png(tmp_path, data, reason):
 
 
 BROKEN_NPY = {
-    "three axes": (npy_bytes(np.zeros((1, 2, 3))), "found float64 of shape (1, 2, 3)"),
+    "three axes": (npy_bytes(np.zeros((4, 2, 3))), "found float64 of shape (4, 2, 3)"),
     "truth values": (npy_bytes(np.zeros((2, 2), bool)), "found bool of shape (2, 2)"),
     "pickle": (npy_bytes(np.array([[None]]), allow_pickle=True), "unreadable .npy"),
     "cut": (npy_bytes(np.zeros((4, 4)))[:-1], "unreadable .npy"),

@@ -141,7 +141,7 @@ def of_three_channels(root):
         (broken_depth, "a.depth.png: not a readable PNG"),
         (no_valid_depth, "no valid pixel"),
         (no_relative, "a: expected a map in a.npy or .png; found neither"),
-        (truncated_relative, "a.npy: not a readable .npy array"),
+        (truncated_relative, "a.npy: unreadable .npy"),
         (too_large_for_float16, "too large for float16"),
         (infinite, "too large for float16"),
         (of_three_channels, "found float64 of shape (6, 8, 3)"),
@@ -199,7 +199,7 @@ def test_files_of_16_bits(tmp_path, holds):
 
 def test_files_of_8_bits_are_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "x.png"), np.zeros((4, 4, 3), np.uint8))
-    with pytest.raises(RowError, match="one channel of 16 bits; found 3 of 8 bits"):
+    with pytest.raises(RowError, match="a 16-bit grey PNG, found 8 bits, RGB"):
         files.read(tmp_path, "x")
 
 

@@ -31,6 +31,11 @@ def run(source, images, root=None, **options):
     return found.to_pylist()
 
 
+def of_coco(name):
+    """A COCO panoptic name as the release writes it, and its one squeezed word as two."""
+    return "playing field" if name == "playingfield" else name.split("-")[0]
+
+
 def write_ids(path, ids):
     ids = np.array(ids)
     Image.fromarray(np.stack([ids & 255, ids >> 8 & 255, ids >> 16], 2).astype(np.uint8)).save(path)
@@ -154,7 +159,7 @@ def test_real_coco_panoptic_areas_equal_the_json(shared):
     content = json.loads((folder / "panoptic_examples.json").read_text())
     infos = content["annotations"][0]["segments_info"]
     assert found["area"] == [info["area"] / (640 * 427) for info in infos]
-    names = {c["id"]: c["name"].split("-")[0] for c in content["categories"]}
+    names = {c["id"]: of_coco(c["name"]) for c in content["categories"]}
     assert found["label"] == [names[info["category_id"]] for info in infos]
     # COCO's own boxes are given as x y w h.
     boxes = [[x, y, x + w, y + h] for x, y, w, h in (info["bbox"] for info in infos)]
@@ -164,30 +169,14 @@ def test_real_coco_panoptic_areas_equal_the_json(shared):
 def test_the_shipped_table_is_cocos(shared):
     content = json.loads((shared / "categories" / "panoptic_coco_categories.json").read_text())
     table = class_names.table("coco-panoptic")
-    assert table.names == {c["id"]: c["name"].split("-")[0] for c in content}
+    assert table.names == {c["id"]: of_coco(c["name"]) for c in content}
     assert table.things == {c["id"] for c in content if c["isthing"]}
     assert len(set(table.names.values())) == 127
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("wall-brick", "wall"),
-        ("food-other-merged", "food"),
-        ("traffic light", "traffic light"),
-        ("bow_(weapon)", "bow"),
-        ("hair_drier", "hair drier"),
-        ("pottedplant", "potted plant"),
-        ("tvmonitor", "tv"),
-    ],
-)
-def test_caption_names(name, expected):
-    assert class_names.caption_name(name) == expected
-
-
 def test_voc_style_coco_names_become_cocos(shared):
     lines = (shared / "categories" / "coco.names").read_text().split("\n")
-    names = [class_names.caption_name(line) for line in lines if line]
+    names = [class_names.clean(line) for line in lines if line]
     assert names == list(class_names.table("coco").names.values())
 
 
@@ -217,7 +206,7 @@ def test_label_maps_with_a_palette_keep_their_numbers(tmp_path):
         ([[1, 77]], "b.png: expected class numbers of the table, found [77]"),
         (
             [[[1, 2, 3]]],
-            "b.png: expected a label map of one channel, found a PNG of mode RGB",
+            "b.png: expected a label map of one channel, found a PNG of 8 bits, RGB",
         ),
         (None, "b.png: no such file"),
     ],

@@ -105,12 +105,13 @@ def test_bad_line_quarantines_the_row(tmp_path, text, reason):
 
 
 def test_missing_and_undecodable_files_quarantine_the_row(tmp_path):
-    where = write(tmp_path, {"nyu/test/x.txt": b"\xff\xfe 0.5", "nyu/test/y.txt": "bed 0.5"})
+    where = write(tmp_path, {"nyu/test/x.txt": b"\xff 0.5", "nyu/test/y.txt": "bed 0.5"})
     samples = rsa_release.index_release(where, dataset("nyuv2"))
     (tmp_path / "text/seg_txt_panoptic/nyu/test/y.txt").unlink()
     found = rsa_release.build(argument=where, dataset=dataset("nyuv2"))(samples)
     assert found["error"].to_pylist() == [
-        "segments/rsa-release: nyu/test/x.txt: expected UTF-8 text; found invalid start byte",
+        "segments/rsa-release: nyu/test/x.txt: expected UTF-8 text; found byte 0xff at offset 0, "
+        "which is not UTF-8",
         "segments/rsa-release: nyu/test/y.txt: expected this file; found none",
     ]
 

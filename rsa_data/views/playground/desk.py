@@ -13,7 +13,7 @@ from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
 from ...heads.predict import images, known_depth
 from ...heads.predict.predict import Prediction, from_captions
-from ...segments.segments import Segments
+from ...segments.segments import Segments, from_row
 from ...store.tables import WorkDir
 from ..report.samples import one
 
@@ -146,10 +146,10 @@ def of_file(models: Models, path: Path) -> Picture:
             about, path, [path.name], models.segmenter, models.segmenter_model
         )
         caption = captions["text"][0].as_py()
-        row = found.to_pylist()[0]
-        box = None if row["box"] is None else np.array(row["box"]).reshape(-1, 4)
-        score, area, thing = (np.array(row[k]) for k in ("score", "area", "is_thing"))
-        segments = Segments(row["label"], area, score, thing, box, row["width"], row["height"])
+        row = from_row(found.to_pylist()[0])
+        if isinstance(row, RowError):
+            raise RsaDataError(str(row))
+        segments = row
     except RsaDataError as error:
         why.append(f"No caption was written: {error}")
     y = None
