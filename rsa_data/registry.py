@@ -109,6 +109,35 @@ HEADS = {
     "proposals": "rsa_data.heads.architectures.proposals:Proposals",
 }
 
+# Row stages, in the order data flows; see runner/stage.py.
+STAGES = {
+    "detect": "rsa_data.segments.detect:STAGE",
+    "captions": "rsa_data.captions.write:STAGE",
+    "embed": "rsa_data.embeddings.embed:STAGE",
+    "embed-images": "rsa_data.embeddings.embed_images:STAGE",
+    "embed-proposals": "rsa_data.embeddings.proposals:STAGE",
+    "depth": "rsa_data.depth.measure:STAGE",
+}
+
+# Steps of a pipeline file that work on whole tables, after the row stages.
+STEPS = {
+    "train-head": "rsa_data.heads.train.train_head:train_head",
+    "evaluate": "rsa_data.evaluation.evaluate:evaluate",
+    "compare": "rsa_data.evaluation.compare:compare",
+    "robustness": "rsa_data.evaluation.robustness:robustness",
+}
+
+# Worker pools; see runner/engines/pool.py.
+ENGINES = {
+    "local": "rsa_data.runner.engines.local:Processes",
+    "ray": "rsa_data.runner.engines.ray:Actors",
+}
+
+# What a work dir holds beside datasets: FOLDER -> how to list and check it.
+COLLECTIONS = {
+    "heads": "rsa_data.heads.collection:HEADS",
+}
+
 
 def resolve(kind: str, table: dict[str, str], name: str) -> Any:
     """The object that `name` stands for in one of the tables above.

@@ -8,7 +8,8 @@ from typing import Any
 import pyarrow as pa
 
 from .. import registry
-from ..common.errors import UsageError
+from ..common.errors import UsageError, unknown
+from ..runner.stage import Notes, Reads, Stage
 from . import natural, summary, vlm
 from .augment import Domain
 from .blocks import composer
@@ -16,9 +17,6 @@ from .columns import caption_table
 from .compose import Recipe
 from .objects import Which
 from .styles import Wording
-
-# Columns that `notes` reads.
-NOTED = list(summary.COLUMNS)
 
 
 def build(
@@ -147,8 +145,9 @@ def _asked(options: dict[str, Any]) -> vlm.Asked:
 def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> list[str]:
     """What a person should know after a run, in sentences.
 
-    captions : parts of the table, at least with the columns NOTED. inputs : one part of the
-    stage's inputs, on which is tried which options would keep more. options : those of `build`.
+    captions : parts of the table, at least with the columns of `summary.COLUMNS`. inputs : one part
+    of the stage's inputs, on which is tried which options would keep more. options : those of
+    `build`.
     """
     bound = {n: p.default for n, p in inspect.signature(build).parameters.items()} | options
     counter = registry.build("tokenizer", registry.TOKENIZERS, bound["tokenizer"])
@@ -196,3 +195,37 @@ def _resolve(style: str) -> tuple[Wording | vlm.Style | natural.Importer, str]:
         expected = "no argument" if colon else f"{name}:PATH"
         raise UsageError(f"captions: style: expected {expected}, found {style!r}")
     return target, argument
+
+
+def check(*, style: str = "occupancy", **_: Any) -> None:
+    """Refuses a style that is not in the registry."""
+    if (name := style.partition(":")[0]) not in registry.STYLES:
+        raise unknown("style", name, registry.STYLES)
+
+
+STAGE = Stage(
+    name="captions",
+    version=1,
+    build=build,
+    help="""Write captions of what each image shows; index and detect first where needed.
+
+    \b
+      rsa-data captions --dataset nyuv2
+      rsa-data captions --dataset nyuv2 --segments rsa-release:RSA/text
+    """,
+    next="embed --dataset {dataset}",
+    schema="captions",
+    folder="captions",
+    selector="style",
+    reads=Reads(
+        "segments",
+        "segments",
+        made_first=True,
+        needed=lambda options: needs_segments(options["style"]),
+    ),
+    local=("endpoint", "prompt", "concurrency", "rate", "prices"),
+    files=files,
+    identity=identity,
+    notes=Notes(tuple(summary.COLUMNS), notes),
+    check=check,
+)

@@ -2,7 +2,6 @@
 
 import sys
 import time
-from typing import Any
 
 from tqdm import tqdm
 
@@ -45,13 +44,14 @@ def print_error(text: str) -> None:
 def bar(title: str, total: int) -> Bar:
     """A progress bar with rate and time left on a terminal, plain lines elsewhere."""
     if sys.stderr.isatty():
-        return tqdm(total=total, desc=title, unit=" rows", smoothing=0.1, leave=False)
+        shown: Bar = tqdm(total=total, desc=title, unit=" rows", smoothing=0.1, leave=False)
+        return shown
     return Lines(title, total)
 
 
 def summary_lines(stage: str, dataset: str, summary: Summary) -> list[str]:
     """The summary of a stage over one dataset, in plain sentences."""
-    unit = {"embed": "texts"}.get(stage, "samples")
+    unit = summary.noun
     accounted = f"{summary.ok:,} {unit} ok"
     accounted += f", {summary.failed:,} failed" if summary.failed else ""
     accounted += f", {summary.skipped:,} skipped" if summary.skipped else ""
@@ -77,16 +77,3 @@ def summary_lines(stage: str, dataset: str, summary: Summary) -> list[str]:
 
 def _parts(count: int) -> str:
     return f"{count:,} part" + ("" if count == 1 else "s")
-
-
-def table_lines(header: list[str], rows: list[list[Any]]) -> list[str]:
-    """A plain text table: first column left, the others right."""
-    cells = [header, *[["" if c is None else str(c) for c in row] for row in rows]]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
-    return [
-        "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]

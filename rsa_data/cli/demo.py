@@ -1,15 +1,16 @@
 """The command that shows the whole chain, on scenes that it renders itself."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from ..runner import pipeline_files
-from ..runner.chains import How
+from ..runner.chains import RunOptions
 from ..store.tables import WorkDir
 from . import console
-from .shared import tell
+from .shared import report
 
 # Pictures of a sheet: a few of each dataset, spread over its test scenes.
 _SHOWN = 4
@@ -28,14 +29,18 @@ def demo(work: str) -> None:
     measures both on held-out scenes, and draws a sheet of predictions.
     """
     begun = time.monotonic()
-    place, job = WorkDir(work), pipeline_files.load(Path("demo"))
-    for name, table in job["dataset"].items():
-        table["root"] = str(Path(work) / "scenes" / name)
+    place = WorkDir(work)
+    pipeline = pipeline_files.load(Path("demo"))
+    for name, entry in pipeline.datasets.items():
+        pipeline.datasets[name] = replace(entry, root=str(Path(work) / "scenes" / name))
     pipeline_files.run(
-        place, job, How(console.bar, tell), lambda step, result: click.echo(result.summary)
+        place,
+        pipeline,
+        RunOptions(console.bar, report),
+        lambda step, result: click.echo(result.summary),
     )
     sheet = Path(work) / "predictions.png"
-    draw(place, list(job["dataset"]), sheet)
+    draw(place, list(pipeline.datasets), sheet)
     click.echo(f"scenes with caption, true depth, prediction and error: {sheet}")
     click.echo(f"all of it in {console.duration(time.monotonic() - begun)}; nothing here was real")
     words = "An image with bed occupies 31.00% of the image, wall occupies 30.00% of the image"

@@ -7,23 +7,19 @@ from typing import Any
 
 import click
 
+from .. import registry
 from ..common.errors import RsaDataError, unknown
 from . import console
 
-# In the order data flows. Literal names, so that a command loads its own module only.
+# Beside the commands of the row stages, which follow from `registry.STAGES`. Literal names, so that
+# a command loads its own module only.
 COMMANDS = {
-    "captions": "rsa_data.cli.tables:captions",
-    "embed": "rsa_data.cli.tables:embed",
-    "embed-images": "rsa_data.cli.tables:embed_images",
-    "embed-proposals": "rsa_data.cli.tables:embed_proposals",
-    "depth": "rsa_data.cli.tables:depth",
     "train-head": "rsa_data.cli.heads:train_head",
     "evaluate": "rsa_data.cli.heads:evaluate",
     "robustness": "rsa_data.cli.studies:robustness",
     "compare": "rsa_data.cli.studies:compare",
     "predict": "rsa_data.cli.heads:predict",
     "import-head": "rsa_data.cli.heads:import_head",
-    "detect": "rsa_data.cli.tables:detect",
     "run": "rsa_data.cli.tables:run",
     "plan": "rsa_data.cli.planning:plan",
     "retry-failed": "rsa_data.cli.tables:retry_failed",
@@ -42,17 +38,22 @@ class Group(click.Group):
     """Commands in the order data flows; a typo gets the nearest name; errors set the status."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return [*registry.STAGES, *COMMANDS]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name in registry.STAGES:
+            made: click.Command = import_module("rsa_data.cli.tables").command(name)
+            return made
         if name not in COMMANDS:
             return None
         module, attribute = COMMANDS[name].split(":")
-        return getattr(import_module(module), attribute)
+        found: click.Command = getattr(import_module(module), attribute)
+        return found
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            raise click.UsageError(str(unknown("command", args[0], COMMANDS)))
+        names = self.list_commands(ctx)
+        if args and args[0] not in names and not args[0].startswith("-"):
+            raise click.UsageError(str(unknown("command", args[0], names)))
         return super().resolve_command(ctx, args)
 
 

@@ -1,13 +1,10 @@
 """The command plan: what another command would take."""
 
-from importlib import import_module
-
 import click
 
 from ..common.errors import unknown
+from ..runner import stages
 from .shared import PLANNING
-
-_STAGES = ("captions", "embed", "embed-images", "depth", "detect", "run")
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -22,11 +19,12 @@ def plan(ctx: click.Context, stage: str, words: tuple[str, ...]) -> None:
     \b
       rsa-data plan embed --encoder minilm --workers 2
     """
-    from .main import COMMANDS
+    from .main import Group
 
-    if stage not in _STAGES:
-        raise unknown("stage", stage, _STAGES)
-    module, attribute = COMMANDS[stage].split(":")
-    command = getattr(import_module(module), attribute)
+    planned = [*stages.names(), "run"]
+    if stage not in planned:
+        raise unknown("stage", stage, planned)
+    command = Group().get_command(ctx, stage)
+    assert command is not None
     ctx.meta[PLANNING] = True
     command.main(args=list(words), prog_name=f"rsa-data {stage}", parent=ctx, standalone_mode=False)

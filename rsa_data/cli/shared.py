@@ -8,11 +8,14 @@ from typing import Any
 
 import click
 
+from .. import registry
 from ..common import units
 from ..datasets.roots import open_root
-from ..runner import limits, plan
-from ..runner.chains import How
-from ..runner.engines import pool
+from ..runner import limits
+from ..runner.chains import RunOptions
+from ..runner.engines.pool import EngineOptions
+from ..runner.plan import Estimate
+from ..runner.plan import lines as plan_lines
 from ..runner.runs import Summary
 from ..store.tables import WorkDir
 from . import console
@@ -59,26 +62,32 @@ def root_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Pa
     return None if value is None else open_root(value)
 
 
-def work_option(command: Callable) -> Callable:
+def work_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """--work, as every command has it."""
     return click.option(
         "--work", default="work", show_default=True, help="Folder of all tables and heads."
     )(command)
 
 
-def running(command: Callable) -> Callable:
-    """--work and how to run: collects the options into `work: Work` and `how: How`."""
+def running(command: Callable[..., Any]) -> Callable[..., Any]:
+    """--work and how to run: collects the options into `work: WorkDir` and `how: RunOptions`."""
 
     @functools.wraps(command)
     def wrapped(work: str, **given: Any) -> Any:
-        engine = pool.How(**{n: given.pop(n) for n in _ENGINE})
-        how = How(bar=console.bar, tell=tell, engine=engine, **{n: given.pop(n) for n in _HOW})
+        engine = EngineOptions(**{n: given.pop(n) for n in _ENGINE})
+        how = RunOptions(
+            bar=console.bar, report=report, engine=engine, **{n: given.pop(n) for n in _HOW}
+        )
         if click.get_current_context().meta.get(PLANNING):
-            how = replace(how, plan=functools.partial(tell_plan, engine.workers), start_over=False)
+            how = replace(
+                how, plan=functools.partial(report_plan, engine.workers), start_over=False
+            )
         return command(work=WorkDir(work), how=how, **given)
 
     for option in (
-        click.option("--start-over", is_flag=True, help="Delete the table first, make it anew."),
+        click.option(
+            "--start-over", is_flag=True, help="Delete the table first and make it again."
+        ),
         click.option(
             "--max-failures",
             callback=max_failures,
@@ -99,7 +108,7 @@ def running(command: Callable) -> Callable:
         ),
         click.option(
             "--engine",
-            type=click.Choice(list(pool.ENGINES)),
+            type=click.Choice(list(registry.ENGINES)),
             default="local",
             show_default=True,
             help="Who runs the workers.",
@@ -112,7 +121,7 @@ def running(command: Callable) -> Callable:
     return work_option(wrapped)
 
 
-def one_dataset(command: Callable) -> Callable:
+def one_dataset(command: Callable[..., Any]) -> Callable[..., Any]:
     """--dataset, --root and --dataset-option of the commands that may index."""
     for option in (
         click.option(
@@ -139,15 +148,15 @@ def one_dataset(command: Callable) -> Callable:
     return command
 
 
-def tell(stage: str, dataset: str, summary: Summary) -> None:
+def report(stage: str, dataset: str, summary: Summary) -> None:
     """Prints a stage's summary."""
     for line in console.summary_lines(stage, dataset, summary):
         click.echo(line)
 
 
-def tell_plan(workers: int, stage: str, dataset: str, estimate: plan.Estimate) -> None:
+def report_plan(workers: int, stage: str, dataset: str, estimate: Estimate) -> None:
     """Prints a stage's estimate."""
-    for line in plan.lines(stage, dataset, estimate, workers):
+    for line in plan_lines(stage, dataset, estimate, workers):
         click.echo(line)
 
 

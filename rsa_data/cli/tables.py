@@ -1,176 +1,132 @@
-"""Commands that make tables: detect, captions, embed, depth, run, retry-failed."""
+"""Commands that make tables: one for each row stage, run, retry-failed."""
 
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..captions.write import build as captions_build
 from ..common.options import click_options
-from ..depth.measure import build as depth_build
-from ..embeddings.embed import build as embed_build
-from ..embeddings.embed_images import build as embed_images_build
-from ..embeddings.proposals import build as proposals_build
 from ..runner import chains, pipeline_files, stages
-from ..runner.chains import How
-from ..segments.detect import build as detect_build
+from ..runner.chains import RunOptions
+from ..runner.stage import GIVEN, Stage
+from ..runner.stages import ConfiguredStage
 from ..store.tables import WorkDir
-from ..views.pictures.pictures import save
-from ..views.pictures.preview import preview as draw_preview
 from .shared import key_values, one_dataset, running, say_next
 
 
-@click.command()
-@running
-@one_dataset
-@click.option("--preview", metavar="N", type=int, help="Draw N images with what was found.")
-@click_options(detect_build, hidden=stages.GIVEN)
-def detect(
-    work: WorkDir,
-    how: How,
-    dataset: str,
-    root: Path | None,
-    given: dict,
-    preview: int | None,
-    **options: Any,
-) -> None:
-    """Find what each image shows: a model's boxes or panoptic segments, or an import.
-
-    \b
-      rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx --preview 12
-    """
-    chains.check_names(source=options["source"], own=options["model_card"] is not None)
-    name = chains.samples(work, dataset, given, root=root, source=options["source"])
-    chains.stage(work, "detect", name, options, how, root=root)
-    if preview and how.plan is None:
-        segments = stages.name_of(options["source"])
-        sheet = Path(f"preview-{name}-{segments}.png")
-        save(draw_preview(work, name, f"segments/{segments}", preview, root), sheet)
-        click.echo(f"preview: {sheet}")
-    say_next(work, f"captions --dataset {name}")
+def command(name: str) -> click.Command:
+    """The command of a row stage, made from what the stage declares."""
+    stage = stages.stage(name)
+    call = _over_one(stage) if stage.begins else _over_all(stage)
+    call = click_options(stage.build, hidden=GIVEN)(call)
+    if stage.reads is not None:
+        call = click.option(f"--{stage.reads.option}", "wanted", **_reads_help(stage))(call)
+    if stage.schema == "segments":
+        call = click.option(
+            "--preview", metavar="N", type=int, help="Draw N images with what was found."
+        )(call)
+    call = click.option(
+        "--label", help="Name of the table, instead of that of its " + _named_after(stage) + "."
+    )(call)
+    if stage.begins:
+        call = one_dataset(call)
+    else:
+        call = click.option(
+            "--dataset", "datasets", multiple=True, help="Only this dataset; may be repeated."
+        )(call)
+    return click.command(name, help=stage.help)(running(call))
 
 
-@click.command()
-@running
-@one_dataset
-@click.option("--segments", metavar="SOURCE", help="A segmenter, or an import as NAME:PLACE.")
-@click_options(captions_build, hidden=stages.GIVEN)
-def captions(
-    work: WorkDir,
-    how: How,
-    dataset: str,
-    root: Path | None,
-    given: dict,
-    segments: str | None,
-    **options: Any,
-) -> None:
-    """Write the captions of a dataset, its index and segments first where they are missing.
-
-    \b
-      rsa-data captions --dataset nyuv2
-      rsa-data captions --dataset nyuv2 --segments rsa-release:RSA/text
-    """
-    chains.check_names(source=segments, style=options["style"])
-    name = chains.samples(work, dataset, given, root=root, source=segments or "")
-    chains.captions(work, name, options, how, segments=segments, detect={}, root=root)
-    say_next(work, f"embed --dataset {name}")
+def _named_after(stage: Stage) -> str:
+    return (stage.selector or f"{stage.reads.kind if stage.reads else ''}").replace("_", " ")
 
 
-@click.command()
-@running
-@click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
-@click.option("--style", help="Which captions, when there are several.")
-@click_options(embed_build)
-def embed(
-    work: WorkDir, how: How, wanted: tuple[str, ...], style: str | None, **options: Any
-) -> None:
-    """Turn the captions of every dataset into text embeddings, each distinct text once.
-
-    \b
-      rsa-data embed --encoder minilm
-      rsa-data embed --encoder clip-rn50 --weights RN50.pt
-    """
-    for name in chains.known_datasets(work, wanted):
-        chains.embed(work, name, options, how, style=style)
-    say_next(work, "depth --dataset NAME --depth-model MODEL, then: rsa-data train-head")
+def _reads_help(stage: Stage) -> dict[str, Any]:
+    assert stage.reads is not None
+    kind = stage.reads.kind
+    if not stage.reads.made_first:
+        return {"metavar": "LABEL", "help": f"Which {kind} to read, when there are several."}
+    return {
+        "metavar": "SOURCE",
+        "help": f"Which {kind} to read: a label, or a source of {stages.maker(kind).name}.",
+    }
 
 
-@click.command("embed-proposals")
-@running
-@click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
-@click.option("--source", help="Which segments, when there are several.")
-@click_options(proposals_build)
-def embed_proposals(
-    work: WorkDir, how: How, wanted: tuple[str, ...], source: str | None, **options: Any
-) -> None:
-    """Lay the detector's features of each image's objects side by side, for the head `proposals`.
+def _over_one(stage: Stage) -> Any:
+    def call(
+        work: WorkDir,
+        how: RunOptions,
+        dataset: str,
+        root: Path | None,
+        given: dict[str, str],
+        label: str | None,
+        wanted: str | None = None,
+        preview: int | None = None,
+        **options: Any,
+    ) -> None:
+        configured = ConfiguredStage(stage, options, label)
+        first = chains.begin(work, configured, dataset, wanted)
+        name = chains.samples(work, dataset, given, root=root, source=first or configured)
+        made = chains.chain(work, configured, name, how, root=root, wanted=wanted, first=first)
+        if preview and how.plan is None:
+            _draw(work, name, made.output, preview, root)
+        say_next(work, stage.next.format(dataset=name))
 
-    \b
-      rsa-data detect --dataset nyuv2 --features OUTPUT
-      rsa-data embed-proposals
-    """
-    for name in chains.known_datasets(work, wanted):
-        chains.proposals(work, name, options, how, source=source)
-    say_next(work, "train-head --style proposals --head proposals")
+    return call
 
 
-@click.command("embed-images")
-@running
-@one_dataset
-@click_options(embed_images_build, hidden=stages.GIVEN)
-def embed_images(
-    work: WorkDir, how: How, dataset: str, root: Path | None, given: dict, **options: Any
-) -> None:
-    """Turn the images of a dataset into features, for a head that learns from images.
+def _over_all(stage: Stage) -> Any:
+    def call(
+        work: WorkDir,
+        how: RunOptions,
+        datasets: tuple[str, ...],
+        label: str | None,
+        wanted: str | None = None,
+        **options: Any,
+    ) -> None:
+        configured = ConfiguredStage(stage, options, label)
+        names = chains.known_datasets(work, datasets)
+        for name in names:
+            chains.chain(work, configured, name, how, wanted=wanted)
+        say_next(work, stage.next.format(dataset=names[0]))
 
-    \b
-      rsa-data embed-images --dataset nyuv2 --encoder clip-rn50
-      rsa-data embed-images --dataset nyuv2 --encoder hf:openai/clip-vit-large-patch14-336
-    """
-    name = chains.samples(work, dataset, given, root=root)
-    chains.stage(work, "embed-images", name, options, how, root=root)
-    say_next(work, "train-head --style images")
+    return call
+
+
+def _draw(work: WorkDir, dataset: str, output: str, count: int, root: Path | None) -> None:
+    from ..views.pictures.pictures import save
+    from ..views.pictures.preview import preview
+
+    label = output.rpartition("/")[2]
+    sheet = Path(f"preview-{dataset}-{label}.png")
+    save(preview(work, dataset, f"segments/{label}", count, root), sheet)
+    click.echo(f"preview: {sheet}")
 
 
 @click.command()
-@running
-@one_dataset
-@click_options(depth_build, hidden=stages.GIVEN)
-def depth(
-    work: WorkDir, how: How, dataset: str, root: Path | None, given: dict, **options: Any
-) -> None:
-    """Relative depth of a model, or from files, beside the ground truth.
-
-    \b
-      rsa-data depth --dataset nyuv2 --depth-model depth-anything-v2-small
-    """
-    name = chains.samples(work, dataset, given, root=root)
-    chains.stage(work, "depth", name, options, how, root=root)
-    say_next(work, "train-head")
-
-
-@click.command()
-@click.argument("job")
+@click.argument("file")
 @running
 @click.option("--root", "roots", multiple=True, callback=key_values, metavar="DATASET=DIR")
 @click.option("--set", "changes", multiple=True, callback=key_values, metavar="STAGE.OPTION=VALUE")
-def run(work: WorkDir, how: How, job: str, roots: dict, changes: dict) -> None:
-    """Run a job file: a whole chain with its options.
+def run(
+    work: WorkDir, how: RunOptions, file: str, roots: dict[str, str], changes: dict[str, str]
+) -> None:
+    """Run a pipeline file: several stages with their options.
 
     \b
       rsa-data run 7scenes --root 7scenes=DIR
     """
     changes = {**{f"dataset.{name}.root": place for name, place in roots.items()}, **changes}
-    loaded = pipeline_files.load(Path(job), changes)
-    click.echo(loaded.get("doc", ""))
-    pipeline_files.run(work, loaded, how, lambda step, result: click.echo(result.summary))
+    pipeline = pipeline_files.load(Path(file), changes)
+    click.echo(pipeline.doc)
+    pipeline_files.run(work, pipeline, how, lambda step, result: click.echo(result.summary))
 
 
 @click.command("retry-failed")
 @running
 @click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
-def retry_failed(work: WorkDir, how: How, wanted: tuple[str, ...]) -> None:
-    """Do the parts with failed rows again, after the input has been mended.
+def retry_failed(work: WorkDir, how: RunOptions, wanted: tuple[str, ...]) -> None:
+    """Process parts with failed rows again, after their input has been fixed.
 
     \b
       rsa-data retry-failed

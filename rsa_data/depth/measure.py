@@ -12,6 +12,7 @@ from ..common.errors import RowError, UsageError, unknown
 from ..common.prefetch import each
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
+from ..runner.stage import Stage
 from ..store import schemas
 from .fits import inverse_fit, median_scale
 from .model import Relative, Source
@@ -191,3 +192,21 @@ def at_size(relative: Relative, height: int, width: int) -> np.ndarray:
     whole = np.full((height, width), np.nan, np.float32)
     whole[y0:y1, x0:x1] = y
     return whole
+
+
+STAGE = Stage(
+    name="depth",
+    version=1,
+    build=build,
+    help="""Run a relative-depth model, or read its files, beside the ground truth.
+
+    \b
+      rsa-data depth --dataset nyuv2 --depth-model depth-anything-v2-small
+    """,
+    next="train-head",
+    schema="depth",
+    folder="depth",
+    selector="depth_model",
+    local=("weights",),
+    files=files,
+)

@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from .. import registry
 from ..common import progress
 from ..common.errors import RsaDataError, UsageError
+from ..runner.stage import Notes, Reads, Stage
 from ..store import schemas
 from . import audit, runtime
 from .encoder import Encoder, Ids, TextModel
@@ -92,10 +93,6 @@ def files(
     if weights is not None and not weights.exists():
         raise UsageError(f"--weights: expected a file or folder; {weights} is not there")
     return _encoder(encoder).files(encoder.partition(":")[2] or None, weights)
-
-
-# The columns that `notes` reads.
-NOTED = ["truncated", "n_tokens"]
 
 
 def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[str]:
@@ -228,3 +225,26 @@ class _Progress:
         now = self.samples * self.done // self.tokens
         progress.advance(now - self.told)
         self.told = now
+
+
+STAGE = Stage(
+    name="embed",
+    version=1,
+    build=build,
+    help="""Turn captions into text embeddings, each distinct text once.
+
+    \b
+      rsa-data embed --encoder minilm
+      rsa-data embed --encoder clip-rn50 --weights RN50.pt
+    """,
+    next="depth --dataset NAME --depth-model MODEL, then: rsa-data train-head",
+    schema="embeddings",
+    folder="embeddings/{label}",
+    selector="encoder",
+    reads=Reads("captions", "style", with_samples=False),
+    unit="text_id",
+    noun="texts",
+    local=("weights", "audit_head"),
+    files=files,
+    notes=Notes(("truncated", "n_tokens"), notes),
+)

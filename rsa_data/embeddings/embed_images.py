@@ -14,6 +14,7 @@ from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.prefetch import ahead
 from ..datasets.images import read_image
 from ..datasets.roots import readers
+from ..runner.stage import Stage
 from ..store import schemas
 from . import runtime as runtimes
 from .encoder import Batch, Encoder, ImageModel
@@ -135,3 +136,22 @@ def embedding_column_with_nulls(features: np.ndarray, ok: np.ndarray) -> tuple[p
         array.type, len(array), [valid if nulls else None, array.buffers()[1]], nulls
     )
     return field.with_nullable(True), array
+
+
+STAGE = Stage(
+    name="embed-images",
+    version=1,
+    build=build,
+    help="""Turn images into embeddings, for a head that learns from images.
+
+    \b
+      rsa-data embed-images --dataset nyuv2 --encoder clip-rn50
+      rsa-data embed-images --dataset nyuv2 --encoder hf:openai/clip-vit-large-patch14-336
+    """,
+    next="train-head --style images",
+    schema="image_embeddings",
+    folder="embeddings/images",
+    selector="encoder",
+    local=("weights",),
+    files=files,
+)

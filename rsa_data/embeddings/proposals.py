@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..common.errors import RsaDataError
+from ..runner.stage import Reads, Stage
 from ..store import schemas
 from .embed_images import embedding_column_with_nulls
 
@@ -60,3 +61,21 @@ def build(
         )
 
     return step
+
+
+STAGE = Stage(
+    name="embed-proposals",
+    version=1,
+    build=build,
+    help="""Gather the detector's features of each image's objects, for the head `proposals`.
+
+    \b
+      rsa-data detect --dataset nyuv2 --features OUTPUT
+      rsa-data embed-proposals
+    """,
+    next="train-head --style proposals --head proposals",
+    schema="image_embeddings",
+    folder="embeddings/proposals",
+    selector=None,
+    reads=Reads("segments", "segments"),
+)

@@ -1,5 +1,6 @@
 """What every stage shares: jobs, parts, fingerprints, engines, chains, status and verify.
 
 Reaches stages through registry strings only; imports datasets, store, registry and common. Start at
-`stages.py` (what a stage is), then `runs.py` (one run of one stage over one dataset).
+`stage.py` (what a stage is), then `jobs.py` (a stage over one dataset) and `runs.py` (one run of a
+job).
 """

@@ -5,33 +5,32 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .. import registry
-from ..captions.write import needs_segments
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import is_remote
-from ..segments.rsa_release import index_release
 from ..store.tables import WorkDir
+from . import jobs, runs, stages
 from . import plan as planning
-from . import runs, stages
-from .engines import pool
+from .engines.pool import EngineOptions
+from .jobs import Job
 from .runs import Bar, Summary
+from .stages import ConfiguredStage
 from .status import outdated
 
 
 @dataclass(frozen=True)
-class How:
+class RunOptions:
     """How a command runs: nothing here changes what comes out.
 
-    tell : called with a stage's name, its dataset and its summary as soon as it has ended.
+    report : called with a stage's name, its dataset and its summary as soon as it has ended.
     plan : called with a stage's name, its dataset and an estimate, instead of running it.
     """
 
     bar: Callable[[str, int], Bar]
-    tell: Callable[[str, str, Summary], None]
+    report: Callable[[str, str, Summary], None]
     split: str | None = None
     part_range: tuple[int, int] | None = None
-    engine: pool.How = field(default_factory=pool.How)
+    engine: EngineOptions = field(default_factory=EngineOptions)
     start_over: bool = False
     redo_failed: bool = False
     max_failures: float | int | None = None
@@ -44,19 +43,19 @@ def samples(
     given: Mapping[str, Any],
     *,
     root: Path | None = None,
-    source: str = "",
+    source: ConfiguredStage | None = None,
     start_over: bool = False,
 ) -> str:
     """Makes sure that a dataset is indexed and returns its name in the work dir.
 
-    New files under the root are appended. Without a root the samples that are there stay; where
-    there are none, an import that carries texts only (`rsa-release:DIR`) gives the index.
+    New files under the root are appended. Without a root the existing samples stay; where there
+    are none, a source that carries its own index (`rsa-release:DIR`) gives them.
 
     Parameters
     ----------
     choice : a dataset of the registry, or `BUILDER:NAME`; or a name that the work dir knows.
     given : options of the dataset; none keeps those that it was indexed with.
-    source : the segments that will be read.
+    source : the first stage that will run over the samples.
     """
     table = work.table(choice.rpartition(":")[2], "samples")
     if start_over:
@@ -77,43 +76,36 @@ def samples(
                 f"--root {found}: dataset {dataset.name} writes its files: expected a folder"
             )
         dataset.prepare(found)
-    text_only = source.startswith("rsa-release:")
-    if found is None and text_only and not table.complete():
-        rows = index_release(Path(source.partition(":")[2]), dataset)
+    rows = None
+    if found is None and source is not None and source.stage.selector and not table.complete():
+        rows = source.stage.index(str(source.options[source.stage.selector]), dataset)
+    if rows is not None:
         index.index(work, dataset, kept, root=None, samples=rows, **sizes)
     elif found is not None or not table.complete():
         index.index(work, dataset, kept, root=found, **sizes)
     return dataset.name
 
 
-def check_names(*, source: str | None = None, style: str | None = None, own: bool = False) -> None:
-    """Refuses unknown segmenters and styles before anything is written.
-
-    own : the segmenter is a model with a card of the user's own, so any name will do.
-    """
-    for kind, table, choice in (
-        ("segmenter", registry.SEGMENTERS, None if own else source),
-        ("style", registry.STYLES, style),
-    ):
-        if choice is not None and (name := choice.partition(":")[0]) not in table:
-            raise unknown(kind, name, table)
-
-
 def stage(
     work: WorkDir,
-    name: str,
+    configured: ConfiguredStage,
     dataset: str,
-    options: Mapping[str, Any],
-    how: How,
+    how: RunOptions,
     *,
     root: Path | None = None,
     upstream: str | None = None,
 ) -> Summary:
-    """Runs one row stage over one dataset and tells its summary; or plans it, see How."""
-    job = stages.job(work, name, dataset, dict(options), root=root, upstream=upstream)
+    """Runs one row stage over one dataset and reports its summary; or plans it, see RunOptions.
+
+    upstream : the table that is read besides samples, for stages and options that read one.
+    """
+    return _run(jobs.job(work, configured, dataset, root=root, upstream=upstream), how)
+
+
+def _run(job: Job, how: RunOptions) -> Summary:
     if how.plan is not None:
         estimate = planning.plan(job, split=how.split, part_range=how.part_range)
-        how.plan(name, dataset, estimate)
+        how.plan(job.stage, job.dataset, estimate)
         return Summary.nothing(estimate.output)
     summary = runs.run(
         job,
@@ -125,71 +117,72 @@ def stage(
         max_failures=how.max_failures,
         bar=how.bar,
     )
-    how.tell(name, dataset, summary)
-    _all_done(summary)
-    return summary
-
-
-def _all_done(summary: Summary) -> None:
+    how.report(job.stage, job.dataset, summary)
     if summary.undone:
         number, why = next(iter(summary.undone.items()))
         raise RsaDataError(
             f"{summary.output}: {len(summary.undone)} parts are not done; part {number}: {why}. "
-            "What is done is kept: run the same command again"
+            "Finished parts are kept: run the same command again"
         )
+    return summary
 
 
-def captions(
+def begin(
+    work: WorkDir, configured: ConfiguredStage, choice: str, wanted: str | None
+) -> ConfiguredStage | None:
+    """The stage that makes the table which `configured` reads, as far as `wanted` asks for it.
+
+    wanted : NAME or NAME:ARGUMENT of that stage, or the label of a table of the dataset `choice`.
+
+    Raises UsageError for unknown names, before anything is written.
+    """
+    reads = configured.stage.reads
+    if reads is None or not reads.made_first or wanted is None:
+        return None
+    if work.table(choice.rpartition(":")[2], f"{reads.kind}/{wanted}").exists():
+        return None
+    first = stages.maker(reads.kind)
+    assert first.selector is not None
+    return stages.bind(first.name, {first.selector: wanted})
+
+
+def chain(
     work: WorkDir,
+    configured: ConfiguredStage,
     dataset: str,
-    options: Mapping[str, Any],
-    how: How,
+    how: RunOptions,
     *,
-    segments: str | None,
-    detect: Mapping[str, Any],
     root: Path | None = None,
+    wanted: str | None = None,
+    first: ConfiguredStage | None = None,
 ) -> Summary:
-    """Captions of a dataset, its segments first where they are not there yet.
+    """A stage over a dataset; the table that it reads is chosen, and made first where it may be.
 
     Parameters
     ----------
-    segments : SOURCE as `detect` takes it; None takes the segments that are there, or the default
-        model when there are none. An import brings its argument only the first time.
-    detect : options of the detect stage.
-
-    Texts to import need no segments, so none are made for them.
+    wanted : label of the table to read; None for the only one there is, or the default.
+    first : the stage that makes this table, with its options; it runs first, over the same parts.
     """
-    if not needs_segments(stages.bind("captions", dict(options))["style"]):
-        return stage(work, "captions", dataset, options, how, root=root)
-    there = [t for t in work.tables(dataset) if t.startswith("segments/")]
-    wanted = f"segments/{stages.name_of(segments)}" if segments else None
-    if wanted is None and len(there) == 1 and not detect:
-        wanted = there[0]
-    covered = wanted in there and set(runs.select(work, dataset, how.split, how.part_range)) <= set(
-        work.table(dataset, wanted).parts()
-    )
-    if wanted is None or not covered or (segments and ":" in segments) or detect:
-        given = {**detect, **({"source": segments} if segments else {})}
-        before = replace(how, start_over=False)
-        stage(work, "detect", dataset, given, before, root=root)
-        wanted = f"segments/{stages.name_of(stages.bind('detect', given)['source'])}"
-    return stage(work, "captions", dataset, options, how, root=root, upstream=wanted)
-
-
-def embed(
-    work: WorkDir, dataset: str, options: Mapping[str, Any], how: How, *, style: str | None = None
-) -> Summary:
-    """Embeddings of a dataset's captions: of the style asked for, or the only one there is."""
-    upstream = stages.choose(work, dataset, "captions", style, "--style")
-    return stage(work, "embed", dataset, options, how, upstream=upstream)
-
-
-def proposals(
-    work: WorkDir, dataset: str, options: Mapping[str, Any], how: How, *, source: str | None = None
-) -> Summary:
-    """Detector features of a dataset's segments: of the source asked for, or the only one."""
-    upstream = stages.choose(work, dataset, "segments", source, "--source")
-    return stage(work, "embed-proposals", dataset, options, how, upstream=upstream)
+    reads = configured.stage.reads
+    if reads is None or not reads.needed(configured.options):
+        return stage(work, configured, dataset, how, root=root)
+    if not reads.made_first:
+        table = jobs.choose(work, dataset, reads.kind, wanted, f"--{reads.option}")
+        return stage(work, configured, dataset, how, root=root, upstream=table)
+    there = [name for name in work.tables(dataset) if name.startswith(f"{reads.kind}/")]
+    table = f"{reads.kind}/{wanted}" if wanted else there[0] if len(there) == 1 else ""
+    before = replace(how, start_over=False)
+    first = first or begin(work, configured, dataset, wanted)
+    if first is None and table in there:
+        numbers = set(runs.select(work, dataset, how.split, how.part_range))
+        if not numbers <= set(work.table(dataset, table).parts()):
+            _run(jobs.job_of(work, dataset, table), before)
+    else:
+        first = first or stages.bind(stages.maker(reads.kind).name, {})
+        making = jobs.job(work, first, dataset, root=root)
+        _run(making, before)
+        table = making.output
+    return stage(work, configured, dataset, how, root=root, upstream=table)
 
 
 def known_datasets(work: WorkDir, wanted: tuple[str, ...]) -> list[str]:
@@ -206,13 +199,13 @@ def known_datasets(work: WorkDir, wanted: tuple[str, ...]) -> list[str]:
     return list(wanted) or there
 
 
-def retry_failed(work: WorkDir, datasets: list[str], how: How) -> None:
+def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
     """Does the parts with failed rows again, in the order data flows, and what came from them.
 
     Parts that were never done are left to their own command. Raises RsaDataError when a table was
     made by options that cannot be found again, or a part stays undone.
     """
-    order = list(stages.STAGES)
+    order = stages.names()
     for dataset in datasets:
         made = {
             name: work.table(dataset, name).description()["stage"] for name in work.tables(dataset)
@@ -222,7 +215,5 @@ def retry_failed(work: WorkDir, datasets: list[str], how: How) -> None:
             table = work.table(dataset, name)
             failed = any(r["failed"] for r in table.receipts(table.parts()))
             if failed or outdated(work, table):
-                job = stages.job_of(work, dataset, name)
-                summary = runs.run(job, engine=how.engine, bar=how.bar, redo_failed=True)
-                how.tell(made[name], dataset, summary)
-                _all_done(summary)
+                again = RunOptions(how.bar, how.report, engine=how.engine, redo_failed=True)
+                _run(jobs.job_of(work, dataset, name), again)

@@ -3,39 +3,36 @@
 import hashlib
 import platform
 from functools import cache
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..store import schemas
 from ..store.tables import fingerprint
+from .jobs import Job, plain
+from .stages import label_of
 
-if TYPE_CHECKING:
-    from .stages import Job
 
-
-def describe(job: "Job") -> dict[str, Any]:
+def describe(job: Job) -> dict[str, Any]:
     """table.json of the job's output: what made it, as far as it can change the content.
 
     Model files are looked for (and fetched, where the registry knows how) and hashed here, before
     any worker starts.
     """
-    from .stages import STAGES, name_of
-
-    stage = STAGES[job.stage]
-    module = import_module(stage.module)
-    files = module.files(**job.options) if hasattr(module, "files") else {}
-    identity = {k: plain(v) for k, v in job.options.items() if k not in stage.local}
-    identity[stage.selector] = name_of(str(identity[stage.selector]))
-    # What else the content follows from, where a module has such: versions, vocabularies.
-    known = {"identity": module.identity(**job.options)} if hasattr(module, "identity") else {}
+    stage = job.declared
+    files = stage.files(**job.options)
+    options = {k: plain(v) for k, v in job.options.items() if k not in stage.local}
+    if stage.selector is not None:
+        options[stage.selector] = label_of(str(options[stage.selector]))
+    identity = stage.identity(**job.options)
+    known = {"identity": identity} if identity else {}
     return {
         **known,
         "stage": job.stage,
         "stage_version": stage.version,
         "schema": stage.schema,
         "schema_version": schemas.definition(stage.schema)["version"],
-        "options": identity,
+        "options": options,
         "files": {name: file_sha256(str(path)) for name, path in files.items()},
         "inputs": list(job.inputs),
         "made_with": made_with(),
@@ -45,11 +42,6 @@ def describe(job: "Job") -> dict[str, Any]:
 def same(old: dict[str, Any], new: dict[str, Any]) -> bool:
     """Whether two descriptions of a table promise the same content."""
     return fingerprint({**old, "made_with": None}) == fingerprint({**new, "made_with": None})
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON can hold it: paths become strings."""
-    return value if isinstance(value, (int, float, str, bool, type(None))) else str(value)
 
 
 @cache
@@ -74,7 +66,7 @@ def _version(name: str) -> str:
         return "unknown"
 
 
-def part_inputs(job: "Job", number: int) -> dict[str, str]:
+def part_inputs(job: Job, number: int) -> dict[str, str]:
     """Digests of the content of a part's input parts."""
     return {name: job.table(name).receipt(number)["digest"] for name in job.inputs}
 
@@ -85,7 +77,9 @@ def part_fingerprint(description: dict[str, Any], inputs: dict[str, str]) -> str
     return fingerprint({"table": what, "inputs": inputs})
 
 
-def pending(job: "Job", description: dict[str, Any], numbers: list[int]) -> tuple[list, list]:
+def pending(
+    job: Job, description: dict[str, Any], numbers: list[int]
+) -> tuple[list[int], list[int]]:
     """(parts to do, those of them that were done before from an input that has changed since)."""
     output = job.table(job.output)
     done = set(output.parts())

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 from ..common.errors import RsaDataError, UsageError
 from ..common.units import size
-from .stages import Job
+from .jobs import Job
 
 # A share of failures says little before so many rows.
 _ENOUGH_ROWS = 50

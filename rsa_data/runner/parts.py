@@ -1,7 +1,6 @@
 """Running a stage on one part: load the step, read, compute, account for every row, commit."""
 
 import json
-from importlib import import_module
 from typing import Any
 
 import pyarrow as pa
@@ -13,12 +12,13 @@ from ..datasets import index
 from ..datasets.roots import open_root
 from ..store.tables import WorkDir
 from .fingerprints import part_fingerprint, part_inputs, same
-from .stages import STAGES, Job, Step
+from .jobs import Job
+from .stage import Step
 
 
 def build_step(job: Job) -> Step:
     """Loads what the stage needs; called once a worker."""
-    build = STAGES[job.stage].build
+    build = job.declared.build
     known = options.parameters(build)
     given: dict[str, Any] = {}
     if "dataset" in known:
@@ -37,7 +37,7 @@ def run_part(
 
     Raises TransientError when another run has changed an input part meanwhile.
     """
-    stage, output = STAGES[job.stage], job.table(job.output)
+    stage, output = job.declared, job.table(job.output)
     receipts = {name: job.table(name).receipt(number) for name in job.inputs}
     inputs = [
         job.table(name).read(number, receipt=receipt, check=True)
@@ -101,11 +101,11 @@ _NOTED = 20
 
 
 def notes(job: Job, numbers: list[int]) -> list[str]:
-    """What the stage's module has to say of the parts `numbers`: sentences for the summary."""
-    module = import_module(STAGES[job.stage].module)
-    if not numbers or not hasattr(module, "notes"):
+    """What the stage has to say of the parts `numbers`: sentences for the summary."""
+    noted = job.declared.notes
+    if not numbers or noted is None:
         return []
     step = -(-len(numbers) // _NOTED)
-    made = (job.table(job.output).read(n, columns=module.NOTED) for n in numbers[::step])
+    made = (job.table(job.output).read(n, columns=list(noted.columns)) for n in numbers[::step])
     inputs = [job.table(name).read(numbers[len(numbers) // 2]) for name in job.inputs]
-    return module.notes(made, *inputs, **job.options)
+    return noted.write(made, *inputs, **job.options)

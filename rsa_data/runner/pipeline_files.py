@@ -1,9 +1,9 @@
-"""Job files: stages and their non-default options, one TOML file for a whole chain.
+"""Pipeline files: stages and their non-default options, one TOML file for a whole chain.
 
 doc = "What it is for."
 
 [dataset.nyuv2]                      # one table a dataset, its options inside
-[dataset.nyuv2.detect]               # what this dataset alone has otherwise
+[dataset.nyuv2.detect]               # options for this dataset alone
 source = "rsa-release:../RSA"
 
 [captions]                           # for every dataset
@@ -19,37 +19,56 @@ name = "nyu"
 
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import registry
-from ..common import forms, options
+from ..common import options, typed
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import open_root
 from ..store import schemas
 from ..store.tables import WorkDir
 from . import chains, stages
-from .chains import How
-
-_ROW_STAGES = ("detect", "captions", "embed", "embed-images", "embed-proposals", "depth")
-_WHOLE = {
-    "train-head": "rsa_data.heads.train.train_head:train_head",
-    "evaluate": "rsa_data.evaluation.evaluate:evaluate",
-    "compare": "rsa_data.evaluation.compare:compare",
-    "robustness": "rsa_data.evaluation.robustness:robustness",
-}
-_TOP = ("doc", "dataset", *_ROW_STAGES, *_WHOLE)
+from .chains import RunOptions
+from .stages import ConfiguredStage
 
 
-_FORM = {f"{stage}?": "an object" for stage in _ROW_STAGES} | {
-    "doc?": "text",
-    "dataset?": {"*": {"builder?": "text", "root?": "text"}},
-}
+@dataclass(frozen=True)
+class DatasetEntry:
+    """[dataset.NAME]: a dataset and the row stages to run over it.
+
+    builder : of the registry. root : where its files lie, as it is written in the file.
+    options : of the dataset. stages : by name, with the options that hold for this dataset.
+    """
+
+    name: str
+    builder: str
+    root: str | None
+    options: dict[str, Any]
+    stages: dict[str, ConfiguredStage]
 
 
-def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A job as a dict, every option checked against the signature that it is for.
+@dataclass(frozen=True)
+class Step:
+    """[train-head], [evaluate] ...: a step over whole tables, with the options given for it."""
+
+    name: str
+    options: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class PipelineFile:
+    """A pipeline file, every option of it checked against the signature that it is for."""
+
+    doc: str
+    datasets: dict[str, DatasetEntry]
+    steps: list[Step]
+
+
+def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
+    """Reads and checks a pipeline file.
 
     Parameters
     ----------
@@ -61,115 +80,133 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> dict[str, Any]
     shipped = schemas.shipped("pipelines") / f"{path}.toml"
     file = path if path.is_file() else shipped
     if not file.is_file():
-        raise unknown("job file", str(path), [p.stem for p in shipped.parent.glob("*.toml")])
+        raise unknown("pipeline file", str(path), [p.stem for p in shipped.parent.glob("*.toml")])
     try:
-        job = tomllib.loads(file.read_text("utf-8"))
+        raw = tomllib.loads(file.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path}: not a TOML file: {error}") from error
     for where, value in (changes or {}).items():
-        *places, last = where.split(".")
-        place = job
-        for name in places:
-            place = place.setdefault(name, {})
-            if not isinstance(place, dict):
-                raise UsageError(f"{path}: {where}: expected {name} to be a table, found {place!r}")
-        place[last] = value
-    for name in job:
-        if name not in _TOP:
-            raise UsageError(f"{path}: {unknown('table', name, _TOP)}")
+        _change(raw, where.split("."), value, f"{path}: {where}")
     try:
-        forms.check(job, _FORM, str(path))
-        for name in _WHOLE:
-            forms.check(_each(job, name), [{}], f"{path}.{name}")
+        return _parsed(raw, str(path))
     except RsaDataError as error:
         raise UsageError(str(error)) from error
-    if not job.get("dataset"):
-        raise UsageError(f"{path}: expected at least one [dataset.NAME]; found none")
-    for name, entry in job["dataset"].items():
-        builder, dataset_options, own = _split(entry, name)
-        index.open_dataset(f"{builder}:{name}", dataset_options)
-        for stage in _ROW_STAGES:
-            merged = {**job.get(stage, {}), **own.get(stage, {})}
-            if stage in job or stage in own:
-                stages.bind(stage, merged)
-    for name, target in _WHOLE.items():
-        for given in _each(job, name):
-            options.bind(_function(target), given, f"{path}: {name}")
-    return job
 
 
-def _each(job: Mapping[str, Any], step: str) -> list[dict[str, Any]]:
-    """The tables of a step that may stand several times: [evaluate] or [[evaluate]]."""
-    found = job.get(step, [])
-    return found if isinstance(found, list) else [found]
+def _change(raw: dict[str, Any], places: list[str], value: Any, where: str) -> None:
+    place = raw
+    for name in places[:-1]:
+        place = place.setdefault(name, {})
+        if not isinstance(place, dict):
+            raise UsageError(f"{where}: expected {name} to be a table, found {place!r}")
+    place[places[-1]] = value
 
 
-def _function(target: str) -> Callable[..., Any]:
-    return registry.resolve("step", {target: target}, target)
+def _parsed(raw: dict[str, Any], where: str) -> PipelineFile:
+    top = ("doc", "dataset", *stages.names(), *registry.STEPS)
+    for name in raw:
+        if name not in top:
+            raise UsageError(f"{where}: {unknown('table', name, top)}")
+    doc = typed.convert(raw.get("doc", ""), str, f"{where}.doc")
+    shared = {
+        name: typed.convert(raw[name], dict[str, Any], f"{where}.{name}")
+        for name in stages.names()
+        if name in raw
+    }
+    tables = typed.convert(raw.get("dataset", {}), dict[str, dict[str, Any]], f"{where}.dataset")
+    if not tables:
+        raise UsageError(f"{where}: expected at least one [dataset.NAME]; found none")
+    datasets = {
+        name: _dataset(name, table, shared, f"{where}.dataset.{name}")
+        for name, table in tables.items()
+    }
+    steps = []
+    for name in registry.STEPS:
+        several = raw.get(name, [])
+        several = several if isinstance(several, list) else [several]
+        for given in typed.convert(several, list[dict[str, Any]], f"{where}.{name}"):
+            options.bind(_function(name), given, f"{where}: {name}")
+            steps.append(Step(name, given))
+    return PipelineFile(doc, datasets, steps)
 
 
-def _split(entry: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
-    """(builder, options of the dataset, its own stage options) of a [dataset.NAME] table."""
-    own = {k: v for k, v in entry.items() if isinstance(v, dict)}
+def _dataset(
+    name: str, table: dict[str, Any], shared: dict[str, dict[str, Any]], where: str
+) -> DatasetEntry:
+    """A [dataset.NAME] table; shared : options of the stages for every dataset."""
+    own = {key: value for key, value in table.items() if isinstance(value, dict)}
     for stage in own:
-        if stage not in _ROW_STAGES:
-            raise unknown(f"stage in [dataset.{name}]", stage, _ROW_STAGES)
-    rest = {k: v for k, v in entry.items() if k not in own and k not in ("builder", "root")}
-    return entry.get("builder", name), rest, own
+        if stage not in stages.names():
+            raise unknown(f"stage in [dataset.{name}]", stage, stages.names())
+    builder = typed.convert(table.get("builder", name), str, f"{where}.builder")
+    root = typed.convert(table["root"], str, f"{where}.root") if "root" in table else None
+    rest = {k: v for k, v in table.items() if k not in own and k not in ("builder", "root")}
+    index.open_dataset(f"{builder}:{name}", rest)
+    bound = {
+        stage: stages.bind(stage, {**shared.get(stage, {}), **own.get(stage, {})})
+        for stage in stages.names()
+        if stage in shared or stage in own
+    }
+    return DatasetEntry(name, builder, root, rest, bound)
+
+
+def _function(step: str) -> Callable[..., Any]:
+    found: Callable[..., Any] = registry.resolve("step", registry.STEPS, step)
+    return found
 
 
 def run(
-    work: WorkDir, job: Mapping[str, Any], how: How, tell_whole: Callable[[str, Any], None]
+    work: WorkDir,
+    pipeline: PipelineFile,
+    how: RunOptions,
+    report_step: Callable[[str, Any], None],
 ) -> None:
-    """Runs a loaded job: the row stages over each dataset, then what works on whole tables.
+    """Runs a loaded file: the row stages over each dataset, then the steps over whole tables.
 
-    tell_whole : called with the name of such a step and what it returned.
+    report_step : called with the name of such a step and what it returned.
     """
-    names = []
-    for name, entry in job["dataset"].items():
-        builder, given, own = _split(entry, name)
-        choice = name if builder == name else f"{builder}:{name}"
-        merged = {s: {**job.get(s, {}), **own.get(s, {})} for s in _ROW_STAGES}
-        wanted = {s for s in _ROW_STAGES if s in job or s in own}
-        root = open_root(entry["root"]) if "root" in entry else None
-        source = merged["detect"].get("source", "")
-        chains.samples(work, choice, given, root=root, source=source)
-        if "captions" in wanted:
-            chains.captions(
-                work,
-                name,
-                merged["captions"],
-                how,
-                segments=None,
-                detect=merged["detect"],
-                root=root,
-            )
-        elif "detect" in wanted:
-            chains.stage(work, "detect", name, merged["detect"], how, root=root)
-        if "embed" in wanted:
-            style = stages.name_of(stages.bind("captions", merged["captions"])["style"])
-            chains.embed(work, name, merged["embed"], how, style=style)
-        if "embed-images" in wanted:
-            chains.stage(work, "embed-images", name, merged["embed-images"], how, root=root)
-        if "embed-proposals" in wanted:
-            chains.proposals(work, name, merged["embed-proposals"], how)
-        if "depth" in wanted:
-            chains.stage(work, "depth", name, merged["depth"], how, root=root)
-        names.append(name)
+    for entry in pipeline.datasets.values():
+        _run_stages(work, entry, how)
     if how.plan is not None:
         return
-    for step, target in _WHOLE.items():
-        for table in _each(job, step):
-            given = {"datasets": names, **table}
-            if step in ("evaluate", "robustness"):
-                heads = _each(job, "train-head")
-                given.setdefault("head", heads[0].get("name", "head") if heads else "head")
-            bound = options.bind(_function(target), given, step)
-            tell_whole(step, _function(target)(work, bar=how.bar, **bound))
+    heads = [s.options.get("name", "head") for s in pipeline.steps if s.name == "train-head"]
+    for step in pipeline.steps:
+        given = {"datasets": list(pipeline.datasets), **step.options}
+        if step.name in ("evaluate", "robustness"):
+            given.setdefault("head", heads[0] if heads else "head")
+        bound = options.bind(_function(step.name), given, step.name)
+        report_step(step.name, _function(step.name)(work, bar=how.bar, **bound))
+
+
+def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
+    choice = entry.name if entry.builder == entry.name else f"{entry.builder}:{entry.name}"
+    root = None if entry.root is None else open_root(entry.root)
+    source = next((s for s in entry.stages.values() if s.stage.reads is None), None)
+    chains.samples(work, choice, entry.options, root=root, source=source)
+    for configured in entry.stages.values():
+        if any(_makes_for(configured, later) for later in entry.stages.values()):
+            continue  # it runs as the first half of that stage, where that one needs it
+        reads = configured.stage.reads
+        first = None if reads is None else _maker(entry, reads.kind)
+        if reads is None or reads.made_first:
+            chains.chain(work, configured, entry.name, how, root=root, first=first)
+        else:
+            label = None if first is None else first.label or first.default_label(None)
+            chains.chain(work, configured, entry.name, how, root=root, wanted=label)
+
+
+def _makes_for(configured: ConfiguredStage, later: ConfiguredStage) -> bool:
+    reads = later.stage.reads
+    return reads is not None and reads.made_first and reads.kind == configured.stage.kind
+
+
+def _maker(entry: DatasetEntry, kind: str) -> ConfiguredStage | None:
+    """The stage of the file that makes tables KIND/..., if one does."""
+    return next((s for s in entry.stages.values() if s.stage.kind == kind), None)
 
 
 def described() -> list[tuple[str, str]]:
-    """(name, first sentence of doc) of every job file that is shipped."""
+    """(name, first sentence of doc) of every pipeline file that is shipped."""
     files = sorted(schemas.shipped("pipelines").glob("*.toml"))
     docs = [tomllib.loads(file.read_text("utf-8")).get("doc", "") for file in files]
     return [

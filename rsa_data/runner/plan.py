@@ -7,10 +7,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..common.units import duration, size
-from ..store.tables import WorkDir, encoded
+from ..store.encoding import encoded
+from ..store.tables import WorkDir
 from . import fingerprints, runs
 from . import parts as steps
-from .stages import Job
+from .jobs import Job
 
 # Rows of the calibration: after a first, untimed call with a few, as many as this.
 _WARM, _ROWS = 2, 48

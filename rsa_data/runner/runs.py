@@ -12,18 +12,17 @@ import pyarrow.compute as pc
 from ..common.errors import RsaDataError, TransientError, UsageError
 from ..store.logs import RunLog
 from ..store.tables import WorkDir
-from . import fingerprints, limits, parts, stages
-from .engines import pool
-from .engines.pool import Result, Task
-from .stages import Job
+from . import fingerprints, jobs, limits, parts
+from .engines import dispatch
+from .engines.pool import EngineOptions, Result, Task
+from .jobs import Job
 from .summary import Bar as Bar
 from .summary import Summary as Summary
 
-_HERE = pool.How()
+_HERE = EngineOptions()
 
-# So many parts may end in an error that nobody foresaw before the run stops: by then it is not
-# the part.
-_UNFORESEEN = 3
+# After so many parts with unexpected errors the run stops: the fault is not in one part's input.
+_UNEXPECTED = 3
 
 
 def run(
@@ -31,7 +30,7 @@ def run(
     *,
     split: str | None = None,
     part_range: tuple[int, int] | None = None,
-    engine: pool.How = _HERE,
+    engine: EngineOptions = _HERE,
     start_over: bool = False,
     redo_failed: bool = False,
     max_failures: float | int | None = None,
@@ -52,7 +51,7 @@ def run(
     need_inputs(job, numbers)
     description = fingerprints.describe(job)
     output.bind(description)
-    stages.remember(job)
+    jobs.remember(job)
     todo, stale = fingerprints.pending(job, description, numbers)
     tasks = [Task(number) for number in todo]
     if redo_failed:
@@ -70,7 +69,7 @@ def run(
             log.write("begin", table=str(output), parts=len(tasks), rows=sum(sizes.values()))
         try:
             for result in _watched(job, description, tasks, engine, shown, sizes, max_failures):
-                _take_down(log, result, sizes[result.number])
+                _log_result(log, result, sizes[result.number])
                 if result.error is not None:
                     undone[result.number] = _reason(result, undone, log)
         finally:
@@ -93,6 +92,7 @@ def run(
         worked=worked,
         reasons=reasons(job, there) if total["failed"] else [],
         notes=parts.notes(job, there) if tasks else [],
+        noun=job.declared.noun,
         **{k: total[k] for k in ("rows", "ok", "failed", "skipped", "bytes")},
     )
 
@@ -117,7 +117,7 @@ def _watched(
     job: Job,
     description: dict[str, Any],
     tasks: list[Task],
-    engine: pool.How,
+    engine: EngineOptions,
     shown: Bar,
     sizes: dict[int, int],
     max_failures: float | int | None,
@@ -141,7 +141,7 @@ def _watched(
     failing: list[int] = []
     failed = seen = 0
     limits.check_space(job, output.parts(), left)
-    for result in pool.run(job, description, tasks, engine, on_rows):
+    for result in dispatch.run(job, description, tasks, engine, on_rows):
         left.discard(result.number)
         finished += sizes[result.number]
         if reported < finished:
@@ -158,7 +158,7 @@ def _watched(
                 limits.check_space(job, ended, left)
 
 
-def _take_down(log: RunLog, result: Result, rows: int) -> None:
+def _log_result(log: RunLog, result: Result, rows: int) -> None:
     what = {"part": result.number, "seconds": round(result.seconds, 3), "worker": result.worker}
     if result.receipt is None:
         log.write("undone", **what, error=str(result.error), trace=result.trace)
@@ -173,22 +173,22 @@ def _reason(result: Result, undone: dict[int, str], log: RunLog) -> str:
     if isinstance(error, RsaDataError) and not isinstance(error, TransientError):
         raise error
     if result.trace:
-        unforeseen = sum(why.endswith(_SEE) for why in undone.values()) + 1
-        if unforeseen >= _UNFORESEEN:
+        unexpected = sum(why.endswith(_SEE) for why in undone.values()) + 1
+        if unexpected >= _UNEXPECTED:
             raise RsaDataError(
-                f"{unforeseen} parts ended in errors that nobody foresaw; part {result.number}: "
-                f"{error}. Their traces are in {log.store.location}/{log.path}"
+                f"{unexpected} parts ended in unexpected errors; part {result.number}: {error}. "
+                f"The tracebacks are in {log.store.location}/{log.path}"
             ) from error
         return f"{error}{_SEE}"
     return str(error)
 
 
-_SEE = " (an error nobody foresaw; its trace is in the log)"
+_SEE = " (unexpected; the traceback is in the log)"
 
 
 def units(receipt: dict[str, Any]) -> int:
     """What came into a part, as its receipt counts it."""
-    return receipt["ok"] + receipt["failed"] + receipt["skipped"]
+    return int(receipt["ok"] + receipt["failed"] + receipt["skipped"])
 
 
 def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
@@ -196,7 +196,7 @@ def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
 
     Stages that count samples must have as many, ok + failed + skipped, as the index.
     """
-    counts_samples = stages.STAGES[job.stage].unit == "sample_id"
+    counts_samples = job.declared.unit == "sample_id"
     samples = job.table("samples" if counts_samples else job.output).receipts(numbers)
     for receipt, sample in zip(job.table(job.output).receipts(numbers), samples, strict=True):
         if counts_samples and units(receipt) != sample["rows"]:

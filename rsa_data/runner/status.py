@@ -1,16 +1,16 @@
-"""What stands in a work dir: how far each table is, and what is out of date."""
+"""What a work dir holds: how far each table is, and what is out of date."""
 
 from collections import Counter
 from typing import Any
 
-from ..cli.console import table_lines
+from .. import registry
 from ..common.errors import RsaDataError
+from ..common.tables import table_lines
 from ..common.units import size
-from ..datasets import index
-from ..heads.description import parse
 from ..store import logs, schemas
-from ..store.tables import Table, WorkDir, fingerprint
+from ..store.tables import Table, WorkDir
 from . import stages
+from .collection import Collection
 
 _ROWS = ("ok", "failed", "skipped")
 
@@ -33,22 +33,29 @@ def status(work: WorkDir) -> list[str]:
             rows.append([name, done, *numbers, size(counts["bytes"]), speed, stale(work, table)])
         header = ["table", "parts", "ok", "failed", "skipped", "size", "rows/s", ""]
         lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
-    for name in heads(work):
-        lines.append(f"heads/{name}  {head_state(work, name)}".rstrip())
+    for folder, collection in collections():
+        for name in collection.names(work):
+            lines.append(f"{folder}/{name}  {collection.state(work, name)}".rstrip())
     return lines or [f"{work.store.location}: no dataset yet"]
 
 
+def collections() -> list[tuple[str, Collection]]:
+    """What a work dir holds beside datasets, by folder."""
+    table = registry.COLLECTIONS
+    return [(name, registry.resolve("collection", table, name)) for name in table]
+
+
 def stale(work: WorkDir, table: Table) -> str:
-    """Says how many parts are out of date, and what to do, or nothing."""
+    """How many parts are out of date, or why all of them are and what to do; "" when none is."""
     description = table.description()
-    stage = stages.STAGES.get(description["stage"])
+    stage = stages.known(description["stage"])
     if stage is not None and description.get("stage_version") != stage.version:
-        return "made by another version of its stage: --start-over makes it anew"
+        return "made by another version of its stage: use --start-over to make it again"
     if description.get("schema_version") not in (
         None,
         schemas.definition(description["schema"])["version"],
     ):
-        return "of another schema version: --start-over makes it anew"
+        return "of another schema version: use --start-over to make it again"
     old = outdated(work, table)
     return f"{len(old)} parts out of date" if old else ""
 
@@ -88,35 +95,3 @@ def _outdated(
             if number in old or made_from.get(source.name) != digests[source.name].get(number):
                 changed.add(number)
     return changed
-
-
-def heads(work: WorkDir) -> list[str]:
-    """Names of the finished heads."""
-    names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
-    return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
-
-
-def head_state(work: WorkDir, name: str) -> str:
-    """Whether the tables that a head was trained on are still the same ones, or nothing to say."""
-    try:
-        where = f"heads/{name}/head.json"
-        description = parse(work.store.read(where) or b"{}", where)
-    except RsaDataError as error:
-        return f"damaged: {error}"
-    changed = []
-    for dataset, about in description.get("datasets", {}).items():
-        if dataset not in work.datasets():
-            continue
-        try:
-            splits = index.load_dataset(work, dataset).test_splits
-        except RsaDataError:
-            continue  # a dataset of a package that is not installed here
-        samples = work.table(dataset, "samples")
-        numbers = [n for n in samples.parts() if samples.receipt(n)["split"] not in splits]
-        for table_name, digest in about.get("tables", {}).items():
-            table = work.table(dataset, table_name)
-            there = set(table.parts())
-            digests = [table.receipt(n)["digest"] for n in numbers if n in there]
-            if fingerprint(digests) != digest:
-                changed.append(table.path)
-    return f"out of date: trained before {', '.join(changed)} changed" if changed else ""

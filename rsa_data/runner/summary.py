@@ -1,4 +1,4 @@
-"""What a run tells the one who called it: how far it is, and in the end what it did."""
+"""What a run reports to its caller: progress, and at the end a summary."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -8,10 +8,10 @@ class Bar(Protocol):
     """What shows progress: tqdm, or plain lines."""
 
     def update(self, rows: int) -> Any:
-        """Says that this many more rows are done."""
+        """Adds rows that are done."""
 
     def close(self) -> None:
-        """No more is to come."""
+        """Removes the bar."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,7 @@ class Summary:
     rows, ok, failed, skipped, bytes : of the selected parts. seconds : of this run.
     worked : samples or texts that this run accounted for, for the rate.
     notes : what the stage has to say of its output, in sentences.
+    noun : what is counted, such as samples.
     """
 
     output: str
@@ -39,8 +40,9 @@ class Summary:
     worked: int
     reasons: list[tuple[str, int]]
     notes: list[str]
+    noun: str = "samples"
 
     @staticmethod
     def nothing(output: str) -> "Summary":
-        """Of a run that did not take place."""
+        """The summary where nothing was run."""
         return Summary(output, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [])

@@ -13,7 +13,7 @@ from ..common.errors import RsaDataError
 from ..common.units import size
 from ..store import schemas
 from ..store.tables import Table, WorkDir
-from . import fingerprints, parts, stages, status
+from . import fingerprints, jobs, parts, stages, status
 
 # Model outputs on another CPU type, device or library version: the most that a row's values may be
 # off, as a share of the row's norm, by the arithmetic of the model. Measured between CPUs with and
@@ -81,7 +81,7 @@ def _check(
         yield f"expected {receipt['rows']} rows, found {len(rows)}"
     if schemas.digest(rows) != receipt["digest"]:
         yield "the content has another digest than the receipt says"
-    stage = stages.STAGES.get(description["stage"])
+    stage = stages.known(description["stage"])
     for name in description.get("inputs", [])[:1]:
         source = work.table(table.dataset, name)
         if number not in source.parts():
@@ -106,7 +106,7 @@ def recompute(work: WorkDir, count: int, say: Say, *, seed: int | None = None) -
     for dataset in work.datasets():
         for name in work.tables(dataset):
             table = work.table(dataset, name)
-            if table.description()["stage"] not in stages.STAGES:
+            if stages.known(table.description()["stage"]) is None:
                 continue
             current = sorted(set(table.parts()) - status.outdated(work, table))
             chosen = random.Random(seed).sample(current, min(count, len(current)))
@@ -115,7 +115,7 @@ def recompute(work: WorkDir, count: int, say: Say, *, seed: int | None = None) -
 
 
 def _recompute(work: WorkDir, table: Table, numbers: list[int], say: Say) -> int:
-    job = stages.job_of(work, table.dataset, table.name)
+    job = jobs.job_of(work, table.dataset, table.name)
     if not fingerprints.same(table.description(), fingerprints.describe(job)):
         say(f"{table}: its options, model files or version are not those of today; left out")
         return 1

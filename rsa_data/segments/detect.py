@@ -9,10 +9,11 @@ import pyarrow as pa
 
 from .. import registry
 from ..common import options
-from ..common.errors import UsageError
+from ..common.errors import UsageError, unknown
 from ..common.models import Device
 from ..datasets.dataset import Dataset
 from ..datasets.images import MAX_PIXELS
+from ..runner.stage import Stage
 
 Step = Callable[[pa.Table], pa.Table]
 
@@ -114,3 +115,38 @@ def _check_name(name: str, model_card: Path | None) -> None:
 def _entry(name: str, model_card: Path | None) -> str:
     # With a card of one's own any name will do: its builder is the one of the default model.
     return DEFAULT if model_card is not None and name not in registry.SEGMENTERS else name
+
+
+def check(*, source: str = DEFAULT, model_card: Path | None = None, **_: Any) -> None:
+    """Refuses a segmenter that is not in the registry, unless a card describes it."""
+    name = source.partition(":")[0]
+    if _entry(name, model_card) not in registry.SEGMENTERS:
+        raise unknown("segmenter", name, registry.SEGMENTERS)
+
+
+def index(source: str, dataset: Dataset) -> pa.Table | None:
+    """The samples that a source of segments lists, where the images are not at hand; or None."""
+    from .rsa_release import index_release
+
+    name, _, argument = source.partition(":")
+    return index_release(argument, dataset) if name == "rsa-release" and argument else None
+
+
+STAGE = Stage(
+    name="detect",
+    version=1,
+    build=build,
+    help="""Detect what each image shows, or import segments that exist already.
+
+    \b
+      rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx --preview 12
+    """,
+    next="captions --dataset {dataset}",
+    schema="segments",
+    folder="segments",
+    selector="source",
+    local=("model", "model_card", "threads"),
+    files=files,
+    check=check,
+    index=index,
+)

@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ..common.errors import RsaDataError, UsageError
-from ..runner import stages
+from ..runner import jobs
 from ..store import schemas
 from ..store.tables import Table, WorkDir
 
@@ -58,7 +58,7 @@ def export(
         )
     chosen = {
         name: work.table(
-            name, stages.choose(work, name, "embeddings", embeddings, "--embeddings STYLE/ENCODER")
+            name, jobs.choose(work, name, "embeddings", embeddings, "--embeddings STYLE/ENCODER")
         )
         for name in names
     }

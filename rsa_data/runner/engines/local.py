@@ -1,4 +1,4 @@
-"""The local crew: processes of this machine, each with a pipe of its own."""
+"""The local worker pool: processes of this machine, each with a pipe of its own."""
 
 import contextlib
 import multiprocessing
@@ -15,8 +15,8 @@ from typing import Any
 from ...common import progress
 from ...common.errors import RsaDataError
 from .. import parts
-from ..stages import Job
-from .pool import How, News, Task, attempt, portable
+from ..jobs import Job
+from .pool import EngineOptions, Task, WorkerEvent, attempt, portable
 
 # Exit status of a worker that held more memory than it may.
 _TOO_MUCH = 117
@@ -29,10 +29,10 @@ class Processes:
     moment.
     """
 
-    def __init__(self, job: Job, description: dict[str, Any], how: How):
-        self.given = (job, description, how.memory)
-        self.memory = how.memory
-        if how.memory is not None:
+    def __init__(self, job: Job, description: dict[str, Any], options: EngineOptions):
+        self.given = (job, description, options.memory)
+        self.memory = options.memory
+        if options.memory is not None:
             anonymous_bytes()  # says so at once where memory cannot be measured
         self.context = multiprocessing.get_context("spawn")
         self.processes: dict[Connection, Any] = {}
@@ -46,19 +46,19 @@ class Processes:
         self.processes[ours] = process
         return ours
 
-    def give(self, worker: Connection, task: Task) -> None:
-        with contextlib.suppress(OSError):  # it died just now: `news` will tell
+    def dispatch(self, worker: Connection, task: Task) -> None:
+        with contextlib.suppress(OSError):  # it died just now: `events` will say so
             worker.send(task)
 
-    def news(self, seconds: float) -> list[News]:
+    def events(self, seconds: float) -> list[WorkerEvent]:
         found = []
         for worker in wait(list(self.processes), seconds):
             assert isinstance(worker, Connection)
             try:
                 kind, value = worker.recv()
-                found.append(News(worker, kind, value))
+                found.append(WorkerEvent(worker, kind, value))
             except (EOFError, OSError, pickle.UnpicklingError):
-                found.append(News(worker, "died", self._end(worker)))
+                found.append(WorkerEvent(worker, "died", self._end(worker)))
         return found
 
     def stop(self) -> None:
@@ -108,26 +108,26 @@ def _work(pipe: Connection, job: Job, description: dict[str, Any], memory: int |
         threading.Thread(target=limit_memory, args=(memory,), daemon=True).start()
     lock = threading.Lock()
 
-    def tell(kind: str, value: Any = None) -> None:
+    def send(kind: str, value: Any = None) -> None:
         with lock, contextlib.suppress(BrokenPipeError):
             pipe.send((kind, value))
 
-    progress.listen(_now_and_then(lambda rows: tell("rows", rows)))
+    progress.listen(_now_and_then(lambda rows: send("rows", rows)))
     try:
         step = parts.build_step(job)
     except Exception as error:
-        tell("broken", portable(error))
+        send("broken", portable(error))
         return
-    tell("ready")
+    send("ready")
     while True:
         try:
             task = pipe.recv()
         except EOFError:
             return
-        tell("result", attempt(job, step, description, task))
+        send("result", attempt(job, step, description, task))
 
 
-def _now_and_then(tell: Callable[[int], None], seconds: float = 0.2) -> Callable[[int], None]:
+def _now_and_then(send: Callable[[int], None], seconds: float = 0.2) -> Callable[[int], None]:
     """Collects rows so that fast steps do not fill the pipe."""
     collected, last = 0, 0.0
 
@@ -135,7 +135,7 @@ def _now_and_then(tell: Callable[[int], None], seconds: float = 0.2) -> Callable
         nonlocal collected, last
         collected += rows
         if time.monotonic() - last >= seconds:
-            tell(collected)
+            send(collected)
             collected, last = 0, time.monotonic()
 
     return count

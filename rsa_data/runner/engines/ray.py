@@ -1,4 +1,4 @@
-"""The Ray crew: actors on one machine or many, fed one part at a time.
+"""The Ray worker pool: actors on one machine or many, fed one part at a time.
 
 Ray only places and restarts; parts, receipts and retries are those of every engine. Ray Data is
 not used: rows here are part numbers, whose order and fate must be known.
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from ...common.extras import extras
-from ..stages import Job
+from ..jobs import Job
 from . import ray_cluster
-from .pool import How, News, Task, attempt, portable
+from .pool import EngineOptions, Task, WorkerEvent, attempt, portable
 
 
 class Actors:
@@ -24,27 +24,28 @@ class Actors:
     dataset's root under the same path (or both in S3).
     """
 
-    def __init__(self, job: Job, description: dict[str, Any], how: How):
+    def __init__(self, job: Job, description: dict[str, Any], options: EngineOptions):
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         with extras("--engine ray"):
-            import ray
+            import ray as package
+        ray: Any = package
         self.ray = ray
         self.joined = not ray.is_initialized()
         if self.joined:
-            ray_cluster.connect(ray, job, how)
-        takes = ray_cluster.size(job, ray.nodes(), how.workers)
+            ray_cluster.connect(ray, job, options)
+        takes = ray_cluster.size(job, ray.nodes(), options.workers)
         if "GPU" not in takes and job.options.get("device") == "auto":
             # A node with a GPU may join later, and Ray hides GPUs only from those that have some.
             job = replace(job, options={**job.options, "device": "cpu"})
-        self.given = (_absolute(job), description, how.memory)
-        self.watch = ray_cluster.Watch(ray, takes, self.joined and how.ray_address is None)
-        options: dict[str, Any] = {"max_restarts": 0, "max_task_retries": 0}
-        if how.memory is not None:
+        self.given = (_absolute(job), description, options.memory)
+        self.watch = ray_cluster.Watch(ray, takes, self.joined and options.ray_address is None)
+        actor: dict[str, Any] = {"max_restarts": 0, "max_task_retries": 0}
+        if options.memory is not None:
             # Only then: beside a group, Ray no longer runs a worker's parts in its main thread.
-            options["concurrency_groups"] = {_BESIDE: 1}
-        self.actor: Any = ray.remote(
-            num_cpus=takes["CPU"], num_gpus=takes.get("GPU", 0), **options
-        )(_Worker)
+            actor["concurrency_groups"] = {_BESIDE: 1}
+        self.actor: Any = ray.remote(num_cpus=takes["CPU"], num_gpus=takes.get("GPU", 0), **actor)(
+            _Worker
+        )
         self.doing: dict[Any, Any] = {}  # what is awaited -> the actor that does it
         self.actors: set[Any] = set()
         self.working: set[Any] = set()
@@ -57,11 +58,11 @@ class Actors:
         self.actors.add(actor)
         return actor
 
-    def give(self, worker: Any, task: Task) -> None:
+    def dispatch(self, worker: Any, task: Task) -> None:
         self.doing[worker.work.remote(task)] = worker
         self.working.add(worker)
 
-    def news(self, seconds: float) -> list[News]:
+    def events(self, seconds: float) -> list[WorkerEvent]:
         ended, _ = self.ray.wait(list(self.doing), timeout=seconds)
         self.watch.check(bool(self.working))
         return [self._ended(reference) for reference in ended]
@@ -73,7 +74,7 @@ class Actors:
         if self.joined:
             ray_cluster.leave(self.ray)
 
-    def _ended(self, reference: Any) -> News:
+    def _ended(self, reference: Any) -> WorkerEvent:
         worker = self.doing.pop(reference)
         try:
             kind, value = self.ray.get(reference)
@@ -85,7 +86,7 @@ class Actors:
             self.actors.discard(worker)
             self.doing = {waited: by for waited, by in self.doing.items() if by != worker}
             self.ray.kill(worker)
-        return News(worker, kind, value)
+        return WorkerEvent(worker, kind, value)
 
 
 # The name of the calls that run beside a worker's parts.
@@ -109,7 +110,7 @@ class _Worker:
         self.given = (job, description, memory)
 
     def begin(self) -> tuple[str, Any]:
-        """Loads what the stage needs. Not in __init__, whose errors Ray tells as a death."""
+        """Loads what the stage needs. Not in __init__, whose errors Ray reports as a death."""
         from .. import parts
 
         try:
@@ -123,7 +124,7 @@ class _Worker:
         return "result", attempt(job, self.step, description, task)
 
     def over_memory(self) -> tuple[str, Any]:
-        """Ends when this process holds too much: Ray does not tell an exit status."""
+        """Ends when this process holds too much: Ray reports no exit status."""
         from . import local
 
         most = self.given[-1]

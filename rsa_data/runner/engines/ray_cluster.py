@@ -1,4 +1,4 @@
-"""A Ray cluster as the crew needs it: joined quietly, watched, left without waiting for ever.
+"""A Ray cluster as the worker pool needs it: joined quietly, watched, left without a hang.
 
 Ray itself waits for ever for what can no longer come: actors that fit no node that is left, answers
 of this machine's node after its death, a head that is frozen or cut off.
@@ -16,8 +16,9 @@ from collections import Counter
 from typing import Any
 
 from ...common.errors import RsaDataError
-from ..stages import Job
-from .pool import How
+from ...common.progress import notice
+from ..jobs import Job
+from .pool import EngineOptions
 
 # A cluster on which no worker has been at work for so long, in seconds, will not have one any more.
 # Enough for nodes that are started on demand.
@@ -53,25 +54,25 @@ def cpus(job: Job) -> int:
     return max(1, job.options.get("threads") or 1)
 
 
-def connect(ray: Any, job: Job, how: How) -> None:
-    """Joins the cluster at `how.ray_address`, or starts one on this machine with room for all."""
+def connect(ray: Any, job: Job, options: EngineOptions) -> None:
+    """Joins the cluster at the address, or starts one on this machine with room for all."""
     quiet = {"logging_level": logging.ERROR, "log_to_driver": False}
     main = threading.current_thread() is threading.main_thread()
     before = signal.getsignal(signal.SIGTERM)
     _without_chatter()
     try:
-        if how.ray_address is None:
+        if options.ray_address is None:
             # "local": without it a cluster that happens to run on this machine would be joined.
-            room = max(1, how.workers) * cpus(job)
+            room = max(1, options.workers) * cpus(job)
             ray.init(address="local", num_cpus=room, include_dashboard=False, **quiet)
         else:
-            ray.init(address=how.ray_address, **quiet)
+            ray.init(address=options.ray_address, **quiet)
     except (ConnectionError, RuntimeError, ValueError) as error:
-        if how.ray_address is None:
+        if options.ray_address is None:
             raise RsaDataError(f"--engine ray: Ray does not start here: {error}") from error
         raise RsaDataError(
-            f"--ray-address {how.ray_address}: cannot reach a Ray cluster there: {error}. Leave it "
-            "out to run on this machine alone"
+            f"--ray-address {options.ray_address}: cannot reach a Ray cluster there: {error}. "
+            "Leave it out to run on this machine alone"
         ) from error
     finally:
         # Ray ends the process with its own exit status on SIGTERM; a command has its own way.
@@ -90,7 +91,7 @@ def leave(ray: Any) -> None:
 
 
 def _end() -> None:
-    _tell(
+    notice(
         "The head of the Ray cluster does not answer. Finished parts are kept, but this command "
         "ends with status 1: run it again"
     )
@@ -102,7 +103,7 @@ def _end() -> None:
 def _without_chatter() -> None:
     """Keeps what Ray prints of nodes and workers off standard output, which is the command's.
 
-    Ray has no option for it; what matters of it is told here and by the crew.
+    Ray has no option for it; what matters of it is said here and by the worker pool.
     """
     from ray._private import worker
 
@@ -119,7 +120,7 @@ class Watch:
         self.own = ray.get_runtime_context().get_node_id()
         self.nodes: list[dict[str, Any]] = ray.nodes()
         self.answered = self.worked = time.monotonic()
-        self.told = False
+        self.said = False
         self.ended = threading.Event()
         self.thread = threading.Thread(target=self._look, daemon=True)
         self.thread.start()
@@ -133,15 +134,15 @@ class Watch:
         if now - self.answered > HEAD_WITHIN:
             raise RsaDataError(
                 f"--engine ray: the head of the Ray cluster has not answered for {HEAD_WITHIN:.0f} "
-                "s. Finished parts are kept: run the same command again when it is back"
+                "s. Finished parts are kept: run the same command again when it answers"
             )
         if any(node["NodeID"] == self.own and not node["Alive"] for node in self.nodes):
             raise RsaDataError(
                 "--engine ray: Ray on this machine, over which the cluster is reached, has ended. "
-                "Finished parts are kept: run the same command again when it is back"
+                "Finished parts are kept: run the same command again when it answers"
             )
         if working:
-            self.worked, self.told = now, False
+            self.worked, self.said = now, False
             return
         waited, fits = now - self.worked, self._fits()
         within = 0.0 if self.local and not fits else BEGIN_WITHIN
@@ -153,9 +154,9 @@ class Watch:
                 + ". Finished parts are kept: run the same command again on a cluster with room, "
                 "or with other --device, --threads"
             )
-        if not fits and not self.told and waited > 2 * _EVERY:
-            self.told = True
-            _tell(f"Waiting {within:.0f} s for a node with room: a worker takes {needs}")
+        if not fits and not self.said and waited > 2 * _EVERY:
+            self.said = True
+            notice(f"Waiting {within:.0f} s for a node with room: a worker takes {needs}")
 
     def stop(self) -> None:
         """No more looks; waits for the one that is under way, if it ends."""
@@ -189,13 +190,6 @@ class Watch:
         alive = [node["Resources"] for node in self.nodes if node["Alive"]]
         counts = Counter(_words({k: has.get(k, 0.0) for k in ("CPU", "GPU")}) for has in alive)
         return " / ".join(f"{count} x {words}" for words, count in counts.items()) or "nothing"
-
-
-def _tell(line: str) -> None:
-    """What a person must see now: what is logged goes to the run's log."""
-    from ...cli import console
-
-    console.print_error(line)
 
 
 def _alive(nodes: list[dict[str, Any]]) -> set[str]:
