@@ -24,12 +24,13 @@ import pyarrow as pa
 import rooms
 
 from rsa_data.embeddings import embed
-from rsa_data.runner import fingerprints, parts, runs, stages
+from rsa_data.runner import fingerprints, jobs, parts, runs, stages
+from rsa_data.runner.stage import Step
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 
 
-def stub(**_: object) -> stages.Step:
+def stub(**_: object) -> Step:
     """An encoder that costs nothing: each text's id, repeated, as its feature."""
 
     def step(captions: pa.Table) -> pa.Table:
@@ -56,7 +57,9 @@ def measure(rows: int, part: int, folder: Path) -> None:
         rooms.made(folder, min(50, rows // part - first), part, first)
     # The inputs were made in this process; what they left of the peak is the same for all counts.
     runs.run(rooms.captions_job(work), bar=rooms.NoBar)
-    job = stages.job(work, "embed", "rooms", {"encoder": "minilm"}, upstream="captions/occupancy")
+    job = jobs.job(
+        work, stages.bind("embed", {"encoder": "minilm"}), "rooms", upstream="captions/occupancy"
+    )
     description = fingerprints.describe(job)
     output = job.table(job.output)
     output.bind(description)

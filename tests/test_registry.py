@@ -8,6 +8,7 @@ from rsa_data import registry
 from rsa_data.cli import main
 from rsa_data.common.errors import UsageError
 from rsa_data.runner import stages
+from rsa_data.runner.stage import GIVEN
 
 TABLES = {
     "dataset": registry.DATASETS,
@@ -18,6 +19,9 @@ TABLES = {
     "depth model": registry.DEPTH_MODELS,
     "head": registry.HEADS,
     "command": main.COMMANDS,
+    "step": registry.STEPS,
+    "engine": registry.ENGINES,
+    "collection": registry.COLLECTIONS,
 }
 ENTRIES = [(kind, table, name) for kind, table in TABLES.items() for name in table]
 
@@ -30,15 +34,16 @@ def test_every_entry_resolves(kind, table, name):
     assert found.__doc__ or getattr(found, "help", None), "undocumented"
 
 
-@pytest.mark.parametrize("name", stages.STAGES)
+@pytest.mark.parametrize("name", stages.names())
 def test_every_stage_builds_from_documented_options(name):
     from rsa_data.common import options
 
-    build = stages.STAGES[name].build
-    for option in options.parameters(build):
-        if option not in stages.GIVEN:
-            assert options.help_text(build, option), f"{name}: {option} has no documentation"
-    assert stages.STAGES[name].selector in options.parameters(build)
+    stage = stages.stage(name)
+    for option in options.parameters(stage.build):
+        if option not in GIVEN:
+            assert options.help_text(stage.build, option), f"{name}: {option} has no documentation"
+    assert stage.name == name
+    assert stage.selector in (None, *options.parameters(stage.build))
 
 
 def test_unknown_names_get_the_nearest():

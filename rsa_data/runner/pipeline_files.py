@@ -113,7 +113,7 @@ def _parsed(raw: dict[str, Any], where: str) -> PipelineFile:
         for name in stages.names()
         if name in raw
     }
-    tables = typed.convert(raw.get("dataset", {}), dict[str, dict[str, Any]], f"{where}.dataset")
+    tables = typed.convert(raw.get("dataset", {}), dict[str, Any], f"{where}.dataset")
     if not tables:
         raise UsageError(f"{where}: expected at least one [dataset.NAME]; found none")
     datasets = {
@@ -130,10 +130,9 @@ def _parsed(raw: dict[str, Any], where: str) -> PipelineFile:
     return PipelineFile(doc, datasets, steps)
 
 
-def _dataset(
-    name: str, table: dict[str, Any], shared: dict[str, dict[str, Any]], where: str
-) -> DatasetEntry:
+def _dataset(name: str, value: Any, shared: dict[str, dict[str, Any]], where: str) -> DatasetEntry:
     """A [dataset.NAME] table; shared : options of the stages for every dataset."""
+    table = typed.convert(value, dict[str, Any], where)
     own = {key: value for key, value in table.items() if isinstance(value, dict)}
     for stage in own:
         if stage not in stages.names():

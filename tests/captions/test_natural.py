@@ -9,7 +9,7 @@ from made_segments import samples, segments
 
 from rsa_data.captions.write import build, files, identity, needs_segments
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.runner import chains, pipeline_files
+from rsa_data.runner import chains, pipeline_files, stages
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 
@@ -178,8 +178,8 @@ class Silence:
     def close(self) -> None: ...
 
 
-def quiet() -> chains.How:
-    return chains.How(bar=lambda title, total: Silence(), tell=lambda *told: None)
+def quiet() -> chains.RunOptions:
+    return chains.RunOptions(bar=lambda title, total: Silence(), report=lambda *given: None)
 
 
 def test_an_import_through_the_pipeline(tmp_path):
@@ -191,8 +191,9 @@ def test_an_import_through_the_pipeline(tmp_path):
     work = WorkDir(str(tmp_path / "work"))
     name = chains.samples(work, "folder:mine", {}, root=tmp_path / "images")
     options = {"style": f"import:{file}"}
+    imported = stages.bind("captions", options)
     for _ in range(2):
-        chains.captions(work, name, options, quiet(), segments=None, detect={})
+        chains.chain(work, imported, name, quiet())
     made = work.table("mine", "captions/import")
     assert made.read(0)["text"].to_pylist() == ["A bed.", "A room."]
     assert work.tables("mine") == ["captions/import", "samples"]
@@ -201,8 +202,8 @@ def test_an_import_through_the_pipeline(tmp_path):
     other = tmp_path / "others.csv"
     other.write_text("key,text\na.png,Another.\n")
     with pytest.raises(RsaDataError, match=r"other options.*texts"):
-        changed = {"style": f"import:{other}"}
-        chains.captions(work, name, changed, quiet(), segments=None, detect={})
+        changed = stages.bind("captions", {"style": f"import:{other}"})
+        chains.chain(work, changed, name, quiet())
 
 
 def test_columns_of_an_import(tmp_path):
@@ -235,13 +236,14 @@ def test_the_job_for_the_whole_release(shared, tmp_path):
         "captions.style": f"release-text:{place}",
         "embed.encoder": "minilm",
     }
-    job = pipeline_files.load(Path("rsa-release-text"), changes)
-    assert list(job["dataset"]) == ["nyuv2", "kitti", "void"]
+    pipeline = pipeline_files.load(Path("rsa-release-text"), changes)
+    assert list(pipeline.datasets) == ["nyuv2", "kitti", "void"]
     # VOID's texts are not at hand, and embedding is another test's subject.
-    small = {**job, "dataset": {n: job["dataset"][n] for n in ("nyuv2", "kitti")}}
-    del small["embed"]
+    del pipeline.datasets["void"]
+    for entry in pipeline.datasets.values():
+        del entry.stages["embed"]
     work = WorkDir(str(tmp_path / "work"))
-    pipeline_files.run(work, small, quiet(), lambda step, result: None)
+    pipeline_files.run(work, pipeline, quiet(), lambda step, result: None)
     rows = {
         name: [work.table(name, "captions/release-text").receipt(n)["rows"] for n in range(7)]
         for name in ("nyuv2", "kitti")

@@ -17,8 +17,8 @@ from rooms import NoBar, sample_rows
 from rsa_data.captions import served, vlm
 from rsa_data.captions.write import build, identity, notes
 from rsa_data.common.errors import RsaDataError, TransientError, UsageError
-from rsa_data.runner import chains
-from rsa_data.runner.chains import How
+from rsa_data.runner import chains, stages
+from rsa_data.runner.chains import RunOptions
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 
@@ -241,10 +241,11 @@ def test_wrong_options_are_refused(root, options, message):
 def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
     server = fake(lambda count, shade: said("x") if shade != 100 else (400, b""))
     work = WorkDir(tmp_path / "work")
-    how = How(NoBar, lambda *a: None)
+    how = RunOptions(NoBar, lambda *a: None)
     name = chains.samples(work, "folder:rooms", {}, root=root)
     options = {"style": "vlm", "endpoint": server.address, "prices": "1000,2000"}
-    summary = chains.captions(work, name, options, how, segments=None, detect={}, root=root)
+    asked = stages.bind("captions", options)
+    summary = chains.chain(work, asked, name, how, root=root)
     assert summary.notes[0] == (
         "600 tokens of questions with pictures, 18 of answers: 0.636 in your currency"
     )
@@ -255,7 +256,7 @@ def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
     assert server.address not in json.dumps(about)
     receipt = work.table(name, "captions/vlm").receipt(0)
     assert list(receipt["audit"]["failed"]) == ["rooms/train/b"]
-    again = chains.captions(work, name, options, how, segments=None, detect={}, root=root)
+    again = chains.chain(work, asked, name, how, root=root)
     assert again.done == 0
 
 

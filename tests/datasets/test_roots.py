@@ -26,11 +26,12 @@ from rsa_data.datasets.seven_scenes import seven_scenes
 from rsa_data.datasets.sun3d import sun3d
 from rsa_data.datasets.sunrgbd import sunrgbd
 from rsa_data.datasets.void import void
-from rsa_data.runner import chains, runs, stages
-from rsa_data.runner.engines.pool import How
+from rsa_data.runner import chains, jobs, runs, stages
+from rsa_data.runner.engines.pool import EngineOptions
 from rsa_data.store.s3 import S3Store
 from rsa_data.store.tables import WorkDir
 
+THUMBNAILS = stages.bind("embed-images", {"encoder": "thumbnail"})
 MATRIX = "5e2 0 3.2e2\n0 5.1e2 2.4e2\n0 0 1\n"
 
 
@@ -224,8 +225,8 @@ def made(work: WorkDir, root: Path, relative: Path, workers: int = 1) -> dict[st
         ("embed-images", {"encoder": "thumbnail"}),
         ("depth", {"depth_model": f"files:{relative}", "pixels": 16}),
     ):
-        job = stages.job(work, stage, name, options, root=root)
-        summary = runs.run(job, bar=rooms.NoBar, engine=How(workers=workers))
+        job = jobs.job(work, stages.bind(stage, options), name, root=root)
+        summary = runs.run(job, bar=rooms.NoBar, engine=EngineOptions(workers=workers))
         assert not summary.undone
     names = [f"{t}/{n}" for t in work.tables(name) for n in work.store.list(f"{name}/{t}")]
     kept = [n for n in names if not n.endswith(("/", "local.json"))]
@@ -266,7 +267,7 @@ def test_the_root_is_remembered(tmp_path, far, relative):
     work = WorkDir(tmp_path / "work")
     chains.samples(work, "folder:photos", GIVEN, root=root)
     assert index.find_root(work, "photos") == root
-    assert stages.job(work, "embed-images", "photos", {"encoder": "thumbnail"}).root == str(root)
+    assert jobs.job(work, THUMBNAILS, "photos").root == str(root)
 
 
 @pytest.mark.parametrize("far", ["s3"], indirect=True)
@@ -302,7 +303,7 @@ def test_a_server_that_stays_away_leaves_the_part_undone(tmp_path, far, monkeypa
     work = WorkDir(tmp_path / "work")
     name = chains.samples(work, "folder:photos", GIVEN, root=root)
     weather.troubles = ["503"] * 200
-    job = stages.job(work, "embed-images", name, {"encoder": "thumbnail"}, root=root)
+    job = jobs.job(work, THUMBNAILS, name, root=root)
     summary = runs.run(job, bar=rooms.NoBar)
     weather.troubles = []
     roots._files.cache_clear()

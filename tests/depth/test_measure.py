@@ -348,5 +348,5 @@ def test_a_file_of_another_model_is_refused(output, says):
 
 
 def test_folders_of_depth_files_are_tables_of_their_own():
-    assert stages.name_of("files") == "files"
-    assert stages.name_of("files:a/zoe/") == "files-zoe"
+    assert stages.label_of("files") == "files"
+    assert stages.label_of("files:a/zoe/") == "files-zoe"

@@ -9,7 +9,7 @@ from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation.evaluate import evaluate
 from rsa_data.evaluation.robustness import CHANGES, robustness
 from rsa_data.heads.train.train_head import train_head
-from rsa_data.runner import runs, stages
+from rsa_data.runner import jobs, runs, stages
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 
@@ -39,7 +39,7 @@ def work(tmp_path_factory) -> WorkDir:
     options = {"variants": 2, "tokenizer": "minilm"}
     runs.run(rooms.captions_job(work, **options), bar=rooms.NoBar)
     embed = {"encoder": "minilm", "threads": 1}
-    job = stages.job(work, "embed", "rooms", embed, upstream="captions/occupancy")
+    job = jobs.job(work, stages.bind("embed", embed), "rooms", upstream="captions/occupancy")
     runs.run(job, bar=rooms.NoBar)
 
     depth = work.table("rooms", "depth/files")

@@ -1,7 +1,7 @@
 """A work dir with samples and segments made in memory, for tests of how stages run."""
 
-from rsa_data.runner import stages
-from rsa_data.runner.stages import Job
+from rsa_data.runner import jobs, stages
+from rsa_data.runner.jobs import Job
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 
@@ -51,7 +51,8 @@ def _table(schema: str, values: dict[str, list], rows: int):
 
 
 def captions_job(work: WorkDir, **options: object) -> Job:
-    return stages.job(work, "captions", "rooms", dict(options), upstream="segments/labels")
+    configured = stages.bind("captions", options)
+    return jobs.job(work, configured, "rooms", upstream="segments/labels")
 
 
 class NoBar:

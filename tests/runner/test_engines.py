@@ -14,22 +14,22 @@ import rooms
 
 from rsa_data.common.errors import RsaDataError, TransientError
 from rsa_data.runner import fingerprints, runs
-from rsa_data.runner.engines import pool
-from rsa_data.runner.engines.pool import How, Task
+from rsa_data.runner.engines import dispatch
+from rsa_data.runner.engines.pool import EngineOptions, Result, Task, WorkerEvent
 from rsa_data.store.logs import last_run, rate
 from rsa_data.store.tables import WorkDir
 
 ENGINES = [
-    pytest.param(How(workers=1), id="here"),
-    pytest.param(How(workers=2), id="local-2"),
-    pytest.param(How(workers=4), id="local-4"),
-    pytest.param(How("ray", workers=1), id="ray-1", marks=pytest.mark.ray),
-    pytest.param(How("ray", workers=2), id="ray-2", marks=pytest.mark.ray),
-    pytest.param(How("ray", workers=4), id="ray-4", marks=pytest.mark.ray),
+    pytest.param(EngineOptions(workers=1), id="here"),
+    pytest.param(EngineOptions(workers=2), id="local-2"),
+    pytest.param(EngineOptions(workers=4), id="local-4"),
+    pytest.param(EngineOptions("ray", workers=1), id="ray-1", marks=pytest.mark.ray),
+    pytest.param(EngineOptions("ray", workers=2), id="ray-2", marks=pytest.mark.ray),
+    pytest.param(EngineOptions("ray", workers=4), id="ray-4", marks=pytest.mark.ray),
 ]
 MANY = [
-    pytest.param(How(workers=2), id="local"),
-    pytest.param(How("ray", workers=2), id="ray", marks=pytest.mark.ray),
+    pytest.param(EngineOptions(workers=2), id="local"),
+    pytest.param(EngineOptions("ray", workers=2), id="ray", marks=pytest.mark.ray),
 ]
 
 
@@ -91,7 +91,7 @@ def test_a_stage_that_cannot_begin_says_why(tmp_path, how):
     work = rooms.made(tmp_path)
     job = rooms.captions_job(work, digits=7)
     with pytest.raises(RsaDataError, match="digits: expected 0 to 3, found 7"):
-        list(pool.run(job, fingerprints.describe(job), [Task(0), Task(1)], how))
+        list(dispatch.run(job, fingerprints.describe(job), [Task(0), Task(1)], how))
 
 
 @pytest.mark.parametrize("how", MANY)
@@ -105,40 +105,41 @@ def test_a_worker_over_its_memory_limit_is_ended_and_named(tmp_path, how, undist
     assert files(work) == undisturbed
 
 
+TASKS = [Task(n) for n in range(4)]
+
+
 class Lossy:
-    """A crew of one worker that dies on part 1 each time, and on nothing else."""
+    """A pool of one worker that dies on part 1 each time, and on nothing else."""
 
     def __init__(self):
         self.begun, self.waiting = 0, []
 
     def start(self):
         self.begun += 1
-        self.waiting.append(pool.News(self.begun, "ready"))
+        self.waiting.append(WorkerEvent(self.begun, "ready"))
         return self.begun
 
-    def give(self, worker, task):
-        news = pool.Result(task.number, {"part": task.number})
-        kind, value = ("died", "burnt") if task.number == 1 else ("result", news)
-        self.waiting.append(pool.News(worker, kind, value))
+    def dispatch(self, worker, task):
+        result = Result(task.number, {"part": task.number})
+        kind, value = ("died", "burnt") if task.number == 1 else ("result", result)
+        self.waiting.append(WorkerEvent(worker, kind, value))
 
-    def news(self, seconds):
-        told, self.waiting = self.waiting, []
-        return told
+    def events(self, seconds):
+        events, self.waiting = self.waiting, []
+        return events
 
     def stop(self):
         pass
 
 
-def test_a_part_that_kills_its_worker_is_left_undone_and_the_others_are_done(monkeypatch):
-    crew = Lossy()
-    monkeypatch.setitem(pool.ENGINES, "lossy", "nowhere:nothing")
-    monkeypatch.setattr(pool.registry, "resolve", lambda *_: lambda *given: crew)
-    results = list(pool.run(None, {}, [Task(n) for n in range(4)], How("lossy")))
+def test_a_part_that_kills_its_worker_is_left_undone_and_the_others_are_done():
+    pool = Lossy()
+    results = list(dispatch.run(None, {}, TASKS, EngineOptions(), None, lambda *_: pool))
     done = {r.number: r.receipt for r in results if r.error is None}
     undone = {r.number: str(r.error) for r in results if r.error is not None}
     assert sorted(done) == [0, 2, 3]
     assert undone == {1: "its worker died 3 times; the last one burnt"}
-    assert isinstance(results[-1].error, TransientError) and crew.begun == 3
+    assert isinstance(results[-1].error, TransientError) and pool.begun == 3
 
 
 def freeze_once(pid: int, folder: Path) -> None:
@@ -151,41 +152,39 @@ def freeze_once(pid: int, folder: Path) -> None:
 
 
 def test_a_worker_that_hangs_does_not_hold_the_run(tmp_path, undisturbed, monkeypatch):
-    monkeypatch.setattr(pool, "LATE_AFTER", 2.0)
-    monkeypatch.setattr(pool, "LATE_TIMES", 2)
+    monkeypatch.setattr(dispatch, "LATE_AFTER", 2.0)
+    monkeypatch.setattr(dispatch, "LATE_TIMES", 2)
     work = rooms.made(tmp_path)
     table = tmp_path / "rooms" / "captions" / "occupancy"
     thread = threading.Thread(target=freeze_once, args=(os.getpid(), table))
     thread.start()
-    summary = runs.run(rooms.captions_job(work), engine=How(workers=2), bar=rooms.NoBar)
+    summary = runs.run(rooms.captions_job(work), engine=EngineOptions(workers=2), bar=rooms.NoBar)
     thread.join()
     assert (summary.done, summary.undone) == (4, {})
     assert files(work) == undisturbed
 
 
 class Slow(Lossy):
-    """A crew of two workers, of which the first never says anything."""
+    """A pool of two workers, of which the first never says anything."""
 
     def start(self):
         self.begun += 1
-        self.waiting.append(pool.News(self.begun, "ready"))
+        self.waiting.append(WorkerEvent(self.begun, "ready"))
 
-    def give(self, worker, task):
+    def dispatch(self, worker, task):
         if worker == 2:
-            news = pool.Result(task.number, {"part": task.number})
-            self.waiting.append(pool.News(worker, "result", news))
+            result = Result(task.number, {"part": task.number})
+            self.waiting.append(WorkerEvent(worker, "result", result))
         else:
             self.held = task
 
 
 def test_the_part_of_a_worker_that_says_nothing_is_given_to_an_idle_one(monkeypatch):
-    monkeypatch.setattr(pool, "LATE_AFTER", 0.2)
-    crew = Slow()
-    monkeypatch.setitem(pool.ENGINES, "slow", "nowhere:nothing")
-    monkeypatch.setattr(pool.registry, "resolve", lambda *_: lambda *given: crew)
-    results = list(pool.run(None, {}, [Task(n) for n in range(4)], How("slow", workers=2)))
-    assert sorted(r.number for r in results) == [0, 1, 2, 3] and crew.held is not None
-    assert results[-1].number == crew.held.number
+    monkeypatch.setattr(dispatch, "LATE_AFTER", 0.2)
+    pool = Slow()
+    results = list(dispatch.run(None, {}, TASKS, EngineOptions(workers=2), None, lambda *_: pool))
+    assert sorted(r.number for r in results) == [0, 1, 2, 3] and pool.held is not None
+    assert results[-1].number == pool.held.number
 
 
 @pytest.mark.parametrize(

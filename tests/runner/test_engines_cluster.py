@@ -14,13 +14,13 @@ import pytest
 import rooms
 
 from rsa_data.common.errors import RsaDataError
-from rsa_data.runner import runs, stages
-from rsa_data.runner.engines import pool, ray_cluster
-from rsa_data.runner.engines.pool import How, Task
+from rsa_data.runner import jobs, runs, stages
+from rsa_data.runner.engines import dispatch, ray_cluster
+from rsa_data.runner.engines.pool import EngineOptions, Task
 from rsa_data.store.tables import WorkDir
 
 PARTS, ROWS, VARIANTS = 60, 500, 20
-HERE = How(workers=2)
+HERE = EngineOptions(workers=2)
 
 # The command as it is typed, but for how long it waits for a cluster's head.
 COMMAND = """
@@ -202,9 +202,8 @@ def test_a_head_that_is_lost_ends_the_command(tmp_path, cluster, undisturbed, si
 @pytest.mark.filterwarnings("ignore")
 def test_workers_get_a_gpu_each_and_share_when_there_are_more_of_them(tmp_path):
     ray = pytest.importorskip("ray")
-    job = stages.job(
-        rooms.made(tmp_path), "detect", "rooms", {"source": "labels", "device": "cuda"}
-    )
+    detect = stages.bind("detect", {"source": "labels", "device": "cuda"})
+    job = jobs.job(rooms.made(tmp_path), detect, "rooms")
     ray.init(address="local", num_cpus=8, num_gpus=2, include_dashboard=False)
     try:
         assert gpus_of(ray, job, 2) == ["0", "1"]
@@ -213,19 +212,19 @@ def test_workers_get_a_gpu_each_and_share_when_there_are_more_of_them(tmp_path):
         ray.shutdown()
 
 
-def gpus_of(ray, job: stages.Job, workers: int) -> list[str]:
+def gpus_of(ray, job: jobs.Job, workers: int) -> list[str]:
     """CUDA_VISIBLE_DEVICES of each of so many workers."""
     from rsa_data.runner.engines.ray import Actors
 
-    crew = Actors(job, {}, How("ray", workers=workers))
+    workers_ = Actors(job, {}, EngineOptions("ray", workers=workers))
     try:
         seen = [
-            crew.start().__ray_call__.remote(lambda self: os.environ["CUDA_VISIBLE_DEVICES"])
+            workers_.start().__ray_call__.remote(lambda self: os.environ["CUDA_VISIBLE_DEVICES"])
             for _ in range(workers)
         ]
         return sorted(ray.get(seen, timeout=60))
     finally:
-        crew.stop()
+        workers_.stop()
 
 
 @pytest.mark.ray
@@ -233,12 +232,12 @@ def gpus_of(ray, job: stages.Job, workers: int) -> list[str]:
 def test_a_machine_without_the_gpu_that_workers_need_says_so_at_once(tmp_path):
     ray = pytest.importorskip("ray")
     options = {"source": "labels", "device": "cuda", "threads": 3}
-    job = stages.job(rooms.made(tmp_path), "detect", "rooms", options)
+    job = jobs.job(rooms.made(tmp_path), stages.bind("detect", options), "rooms")
     if any(Path("/dev").glob("nvidia[0-9]*")):
         pytest.skip("there is a GPU")
     begun = time.monotonic()
     with pytest.raises(RsaDataError, match="takes 3 CPU, 1 GPU on one node; the nodes have 1 x 6"):
-        list(pool.run(job, {}, [Task(0), Task(1)], How("ray", workers=2)))
+        list(dispatch.run(job, {}, [Task(0), Task(1)], EngineOptions("ray", workers=2)))
     assert time.monotonic() - begun < 60 and not ray.is_initialized()
 
 
@@ -255,7 +254,7 @@ def test_a_machine_without_the_gpu_that_workers_need_says_so_at_once(tmp_path):
     ],
 )
 def test_what_a_worker_takes_of_a_cluster(tmp_path, options, gpus, workers, expected):
-    job = stages.Job("work", "rooms", "embed", options, (), "embeddings", None)
+    job = jobs.Job("work", "rooms", "embed", options, (), "embeddings", None)
     nodes = [{"Alive": True, "Resources": {"CPU": 8.0, "GPU": float(n)}} for n in gpus]
     nodes.append({"Alive": False, "Resources": {"CPU": 8.0, "GPU": 16.0}})
     assert ray_cluster.size(job, nodes, workers) == expected

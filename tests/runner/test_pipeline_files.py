@@ -1,4 +1,4 @@
-"""Job files: checked whole before anything is loaded or written."""
+"""Pipeline files: checked whole before anything is loaded or written."""
 
 import pytest
 
@@ -11,8 +11,8 @@ SHIPPED = sorted(path.stem for path in schemas.shipped("pipelines").glob("*.toml
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_jobs_load_and_say_what_they_are_for(name):
-    job = pipeline_files.load(pipeline_files.Path(name))
-    assert job["doc"] and job["dataset"]
+    pipeline = pipeline_files.load(pipeline_files.Path(name))
+    assert pipeline.doc and pipeline.datasets
     assert (name, dict(pipeline_files.described())[name]) in pipeline_files.described()
 
 
@@ -66,8 +66,9 @@ def test_an_unknown_job_gets_the_nearest():
 
 def test_changes_are_put_over_the_file(tmp_path):
     path = written(tmp_path, "[dataset.nyuv2]\n[captions]\nvariants = 3\n")
-    job = pipeline_files.load(path, {"captions.variants": "5", "dataset.nyuv2.root": "/data"})
-    assert job["captions"] == {"variants": "5"}
-    assert job["dataset"]["nyuv2"] == {"root": "/data"}
+    changes = {"captions.variants": "5", "dataset.nyuv2.root": "/data"}
+    entry = pipeline_files.load(path, changes).datasets["nyuv2"]
+    assert entry.stages["captions"].options["variants"] == 5
+    assert (entry.root, entry.options) == ("/data", {})
     with pytest.raises(UsageError, match="unknown option 'varants'"):
         pipeline_files.load(path, {"captions.varants": "5"})

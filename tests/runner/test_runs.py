@@ -21,7 +21,7 @@ from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.runner import fingerprints, limits, parts, plan, runs, stages, status, verify
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import WorkDir, to_json
 
 
 def captions(work: WorkDir, **how: object) -> runs.Summary:
@@ -64,7 +64,7 @@ def test_what_was_made_from_something_out_of_date_is_out_of_date(tmp_path):
     captions(work)
     made_from = {n: work.table("rooms", "captions/occupancy").receipt(n) for n in (0, 1)}
     embeddings = work.table("rooms", "embeddings/occupancy/minilm")
-    about = {"stage": "embed", "stage_version": stages.STAGES["embed"].version, "options": {}}
+    about = {"stage": "embed", "stage_version": stages.stage("embed").version, "options": {}}
     embeddings.bind({**about, "schema": "embeddings", "inputs": ["captions/occupancy"]})
     rows = {"text_id": [b"0" * 16], "n_tokens": [1], "truncated": [False]}
     feature = pa.array([b"\0\0"], pa.binary(2))
@@ -121,7 +121,7 @@ def test_parts_written_by_another_parquet_library_stay(tmp_path):
         older.rename(path / name)
         sha256 = hashlib.sha256(data).hexdigest()
         changed = {**receipt, "file": name, "bytes": len(data), "sha256": sha256}
-        table.store.write(f"{table.path}/part-{number:05d}.json", stages.to_json(changed))
+        table.store.write(f"{table.path}/part-{number:05d}.json", to_json(changed))
     assert (summary := captions(work)).done == 2 and summary.kept == 2
     said: list[str] = []
     assert verify.verify(work, said.append) == 0, said
@@ -144,7 +144,7 @@ def test_verify_finds_each_kind_of_damage(tmp_path):
     files[0].write_bytes(data)
     files[1].unlink()
     receipt = {**table.receipt(2), "ok": 49, "skipped": 1}
-    table.store.write(f"{table.path}/part-00002.json", stages.to_json(receipt))
+    table.store.write(f"{table.path}/part-00002.json", to_json(receipt))
     said: list[str] = []
     assert verify.verify(work, said.append) == 4
     text = "\n".join(said)
@@ -275,9 +275,7 @@ def test_failed_rows_are_tried_again_on_request(tmp_path):
     captions(work)
     table = work.table("rooms", "captions/occupancy")
     good = table.receipt(1)
-    table.store.write(
-        f"{table.path}/part-00001.json", stages.to_json({**good, "ok": 49, "failed": 1})
-    )
+    table.store.write(f"{table.path}/part-00001.json", to_json({**good, "ok": 49, "failed": 1}))
     with pytest.raises(RsaDataError):  # captions never fail: the table has no such column
         captions(work)
     job = rooms.captions_job(work)

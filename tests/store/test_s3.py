@@ -5,7 +5,7 @@ import rooms
 
 from rsa_data.common.errors import RsaDataError, TransientError
 from rsa_data.runner import runs, status, verify
-from rsa_data.runner.engines.pool import How
+from rsa_data.runner.engines.pool import EngineOptions
 from rsa_data.store.s3 import S3Store
 from rsa_data.store.stores import open_store
 from rsa_data.store.tables import WorkDir
@@ -56,7 +56,7 @@ def test_a_stage_gives_the_same_bytes_as_in_a_folder(place, tmp_path):
 
 def test_worker_processes_commit_to_a_bucket(place):
     work = rooms.made(place, parts=3)
-    summary = runs.run(rooms.captions_job(work), engine=How(workers=2), bar=rooms.NoBar)
+    summary = runs.run(rooms.captions_job(work), engine=EngineOptions(workers=2), bar=rooms.NoBar)
     assert (summary.done, summary.ok) == (3, 150)
     assert "captions/occupancy" in "\n".join(status.status(work))
 

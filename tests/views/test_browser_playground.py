@@ -14,7 +14,7 @@ from browsing import opened
 from rooms import NoBar
 
 from rsa_data.runner import pipeline_files
-from rsa_data.runner.chains import How
+from rsa_data.runner.chains import RunOptions
 from rsa_data.store.tables import WorkDir
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(900)]
@@ -29,11 +29,12 @@ def work(tmp_path_factory):
     folder = tmp_path_factory.mktemp("play")
     changes = {"dataset.synthetic-indoor": {"scenes": 6, "test_scenes": 2}}
     changes["dataset.synthetic-indoor"]["root"] = str(folder / "scenes")
-    job = pipeline_files.load(Path("demo"), changes)
-    job["dataset"].pop("synthetic-street")
-    job["train-head"] = [{"name": "small", "epochs": 2, "validation": 0.3}]
-    job.pop("evaluate")
-    pipeline_files.run(WorkDir(folder / "work"), job, How(NoBar, lambda *a: None), lambda *a: None)
+    changes["train-head"] = {"name": "small", "epochs": 2, "validation": 0.3}
+    changes["evaluate"] = []
+    pipeline = pipeline_files.load(Path("demo"), changes)
+    del pipeline.datasets["synthetic-street"]
+    how = RunOptions(NoBar, lambda *a: None)
+    pipeline_files.run(WorkDir(folder / "work"), pipeline, how, lambda *a: None)
     return folder / "work"
 
 
