@@ -1,18 +1,20 @@
 """Text, bars and frames on a canvas: what the pictures are put together from."""
 
+from __future__ import annotations
+
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from PIL import ImageDraw
+    from PIL import ImageDraw, ImageFont
 
 INK, SOFT, PAPER = (24, 24, 27), (96, 96, 104), (255, 255, 255)
 
 
 @cache
-def font(size: int):
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own font, so that no font file is needed."""
     from PIL import ImageFont
 
@@ -21,7 +23,7 @@ def font(size: int):
 
 def width_of(text: str, size: int) -> float:
     """px that a line of text takes."""
-    return font(size).getlength(text)
+    return float(font(size).getlength(text))
 
 
 def wrap(text: str, size: int, width: float, lines: int) -> list[str]:
@@ -61,7 +63,7 @@ def resized(picture: np.ndarray, width: int, height: int, smooth: bool = True) -
 
 
 def bar(
-    draw: "ImageDraw.ImageDraw",
+    draw: ImageDraw.ImageDraw,
     x: int,
     y: int,
     height: int,

@@ -1,12 +1,18 @@
 """Segments on their image: masks or boxes, names, shares."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...segments.segments import Segments
 from .colours import SEGMENT_COLOURS
 from .drawing import INK, PAPER, SOFT, font, resized, wrap
+
+if TYPE_CHECKING:
+    from PIL import ImageDraw
 
 # px, of a picture of segments and of a cell of a grid: alike, so that text stays sharp.
 _WIDTH = 640
@@ -123,10 +129,18 @@ def _tint(picture: np.ndarray, mask: np.ndarray, colour: np.ndarray) -> np.ndarr
     inner[:, 1:] &= mask[:, :-1]
     inner[:, :-1] &= mask[:, 1:]
     share = np.where(inner, 0.42, np.where(mask, 0.95, 0))[..., None]
-    return picture * (1 - share) + share * colour
+    mixed: np.ndarray = picture * (1 - share) + share * colour
+    return mixed
 
 
-def _label(draw, text: str, spot, colour, taken, size) -> None:
+def _label(
+    draw: ImageDraw.ImageDraw,
+    text: str,
+    spot: tuple[float, float, bool],
+    colour: tuple[int, int, int],
+    taken: list[tuple[float, float, float, float]],
+    size: tuple[int, int],
+) -> None:
     """Text on its colour at the spot, or a little below or above, where nothing stands yet.
 
     spot : x, y, px, and whether that is the label's middle or its top left corner.

@@ -1,12 +1,18 @@
 """The contact sheet of an evaluation: image, truth, prediction and error of a few samples."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .colours import depth_colours, error_colours, round_up
 from .drawing import INK, PAPER, SOFT, bar, font, resized, width_of, wrap
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageDraw
 
 _MARGIN, _GAP, _SCALE = 28, 14, 74
 _CELL = 300
@@ -77,7 +83,9 @@ def _columns() -> tuple[int, int, int, int]:
     return _MARGIN, second, third, third + _CELL + _SCALE + _GAP
 
 
-def _row(canvas, draw, sample: Prediction, y: int, height: int) -> None:
+def _row(
+    canvas: Image.Image, draw: ImageDraw.ImageDraw, sample: Prediction, y: int, height: int
+) -> None:
     from PIL import Image
 
     numbers = (

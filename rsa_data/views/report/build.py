@@ -7,11 +7,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ...common import svg
 from ...common.errors import RsaDataError, UsageError
+from ...common.html import Html, join, tag
 from ...common.units import size
 from ...store.tables import WorkDir
 from .gallery import gallery
-from .html import Html, join, tag
 from .lineage import head_names, lineage
 from .meaning import meaning
 from .training import heads
@@ -89,7 +90,7 @@ def page(work: WorkDir, sections: list[Html]) -> Html:
         "head", tag("meta", charset="utf-8"),
         tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
         tag("meta", name="color-scheme", content="light dark"),
-        tag("title", f"rsa-data: {name}"), tag("style", style),
+        tag("title", f"rsa-data: {name}"), tag("style", Html(svg.style() + style)),
     )  # fmt: skip
     body = tag(
         "body",

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ...common import html
 from ...common.errors import RowError, TransientError
+from ...common.html import Html, tag
 from ...datasets.images import read_image
 from ...segments.segments import Segments
 from ...store.tables import WorkDir
 from ..pictures.colours import depth_colours, error_colours, round_up
 from ..pictures.pictures import draw_segments
-from . import html
-from .html import Html, tag
 from .samples import Sample, choose
 
 # Bytes of pictures in a page, so that the whole stays below 10 MB.

@@ -5,12 +5,12 @@ from typing import Any
 
 import pyarrow.compute as pc
 
+from ...common import html
+from ...common.html import Html, tag
 from ...common.units import duration, size
 from ...runner.status import stale
 from ...store import logs
 from ...store.tables import Table, WorkDir
-from . import html
-from .html import Html, tag
 
 _REASONS, _NAMED = 8, 4
 # Failed parts looked into for reasons, a table; the counts themselves are of all parts.
@@ -73,7 +73,8 @@ def head_description(work: WorkDir, name: str) -> dict[str, Any]:
     """head.json."""
     import json
 
-    return json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
+    found: dict[str, Any] = json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
+    return found
 
 
 def _times(work: WorkDir, dataset: str, name: str) -> tuple[float | None, float | None]:
@@ -122,7 +123,8 @@ def _reasons(table: Table, receipts: list[dict[str, Any]]) -> Html:
 def _columns(table: Table) -> list[str]:
     from ...store import schemas
 
-    return schemas.schema(table.description()["schema"]).names
+    names: list[str] = schemas.schema(table.description()["schema"]).names
+    return names
 
 
 def _without(error: str, sample_id: str) -> str:

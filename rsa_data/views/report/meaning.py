@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow.compute as pc
 
+from ...common.html import Html, tag
 from ...evaluation.inputs import TestPart
 from ...heads.checkpoint import ScaleHead
 from ...store.tables import WorkDir
 from . import plots
-from .html import Html, tag
 from .lineage import head_description, head_names
 from .words import spread
 

@@ -5,13 +5,14 @@ alternative. Series differ in colour (Okabe and Ito's) and in the shape of their
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from .axes import (
+from ...common.html import Html, table, tag, text
+from ...common.svg import (
     BOTTOM,
     HEIGHT,
-    SERIES,
     TOP,
     WIDTH,
     axes,
@@ -19,20 +20,20 @@ from .axes import (
     label,
     legend,
     mark,
+    path,
     rule,
     scales,
     short,
     span,
     svg,
     ticks,
-    viridis,
 )
-from .html import Html, table, tag, text
+from ..pictures.colours import depth_colours
 
 _SHOWN = 60
 
 
-def figure(title: str, drawing: Html, header: Sequence[str], rows: Sequence[Sequence]) -> Html:
+def figure(title: str, drawing: Html, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> Html:
     """A plot with its caption, and its numbers to unfold."""
     shown = [[short(c) for c in row] for row in rows[:_SHOWN]]
     if len(rows) > _SHOWN:
@@ -118,9 +119,8 @@ def lines(
     xs, ys = ticks(points[:, 0].min(), points[:, 0].max()), ticks(low, high)
     x, y = scales(span(xs, points[:, 0]), span(ys, points[:, 1]))
     parts = axes(xs, ys, x, y, x_label, y_label)
-    for k, (_, line) in enumerate(series.items()):
-        path = " ".join(f"{x(a):.1f},{y(b):.1f}" for a, b in line)
-        parts.append(f'<polyline class="line s{k % SERIES}" points="{path}"/>')
+    for k, line in enumerate(series.values()):
+        parts.append(path([(x(a), y(b)) for a, b in line], k))
         every = max(1, len(line) // 25)
         parts += [mark(x(a), y(b), k) for a, b in line[::every]]
     rows = [(name, short(a), short(b)) for name, line in series.items() for a, b in line]
@@ -205,3 +205,9 @@ def ranges(
     rows = [(n, *s) for n, s in zip(names, spans, strict=True)]
     header = ["", "10% are below", "median", "10% are above"]
     return figure(title, svg(title, height, parts), header, rows)
+
+
+def viridis(share: float) -> str:
+    """A colour for a share from 0 to 1."""
+    r, g, b = depth_colours(np.array([[max(share, 1e-6)]]), 1.0)[0, 0]
+    return f"#{r:02x}{g:02x}{b:02x}"

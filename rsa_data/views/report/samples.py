@@ -3,7 +3,7 @@
 import difflib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -96,6 +96,46 @@ def _with_failures(work: WorkDir, dataset: str, numbers: list[int]) -> list[int]
     return [n for n in numbers if any(n in d and t.receipt(n)["failed"] for t, d in done)]
 
 
+class _Head(NamedTuple):
+    name: str
+    head: ScaleHead
+    embeddings: str
+    captions: str | None
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of a dataset and the samples of it that are shown, by row and by sample_id."""
+
+    work: WorkDir
+    dataset: str
+    number: int
+    chosen: list[int]
+    ids: pa.Array
+
+    def rows(self, name: str) -> list[dict[str, Any]]:
+        """The rows of a table that belong to the samples shown."""
+        rows = self.work.table(self.dataset, name).read(self.number)
+        found: list[dict[str, Any]] = rows.filter(
+            pc.is_in(rows["sample_id"], value_set=self.ids)
+        ).to_pylist()
+        return found
+
+    def predict(self, found: _Head, samples: list[Sample]) -> None:
+        """Sets scale, shift and head of the samples that the head has a feature of."""
+        part = TestPart(self.work, self.dataset, self.number, "")
+        try:
+            features, there = part.features(found.embeddings, found.captions)
+        except RsaDataError:
+            return  # the captions were made again since; status says so
+        if features.shape[1] != found.head.dim or not there[self.chosen].any():
+            return
+        scale, shift = found.head(features[self.chosen])
+        for k, s in enumerate(samples):
+            if there[self.chosen[k]]:
+                s.scale, s.shift, s.head = float(scale[k]), float(shift[k]), found.name
+
+
 def _of_part(
     work: WorkDir, dataset: str, number: int, chosen: list[int], wanted: str | None
 ) -> list[Sample]:
@@ -107,20 +147,20 @@ def _of_part(
     samples = [Sample(rows[k], where) for k in chosen]
     for s in samples:
         s.failures = failures.get(s.row["sample_id"], [])
-    ids = pa.array([s.row["sample_id"] for s in samples])
+    part = _Part(work, dataset, number, chosen, pa.array([s.row["sample_id"] for s in samples]))
     for name in names:
         if name.startswith("segments/"):
-            _add_segments(work, dataset, name, number, ids, samples)
+            _add_segments(part.rows(name), samples)
         elif name.startswith("captions/"):
-            _add_captions(work, dataset, name, number, ids, samples)
+            _add_captions(name.removeprefix("captions/"), part.rows(name), samples)
     found = _head_for(work, dataset, names, wanted)
     if found is not None:
-        _predict(work, dataset, number, chosen, samples, *found)
+        part.predict(found, samples)
     depth = [n for n in names if n.startswith("depth/")]
-    if found is not None and (own := f"depth/{found[1].description['depth_model']['model']}"):
+    if found is not None and (own := f"depth/{found.head.description['depth_model']['model']}"):
         depth = [n for n in depth if n == own] or depth
     if depth:
-        _add_depth(work, dataset, depth[0], number, ids, samples)
+        _add_depth(part.rows(depth[0]), samples)
     return samples
 
 
@@ -136,13 +176,8 @@ def _failures(work: WorkDir, dataset: str, number: int, names: list[str]) -> dic
     return found
 
 
-def _rows(work: WorkDir, dataset: str, name: str, number: int, ids: pa.Array) -> list[dict]:
-    rows = work.table(dataset, name).read(number)
-    return rows.filter(pc.is_in(rows["sample_id"], value_set=ids)).to_pylist()
-
-
-def _add_segments(work, dataset, name, number, ids, samples) -> None:
-    rows = {row["sample_id"]: row for row in _rows(work, dataset, name, number, ids)}
+def _add_segments(found: list[dict[str, Any]], samples: list[Sample]) -> None:
+    rows = {row["sample_id"]: row for row in found}
     for s in samples:
         row = rows.get(s.row["sample_id"])
         if row and row["status"] == "ok" and s.segments is None:
@@ -153,19 +188,16 @@ def _add_segments(work, dataset, name, number, ids, samples) -> None:
             s.segments = Segments(**lists, box=box)
 
 
-def _add_captions(work, dataset, name, number, ids, samples) -> None:
-    style = name.removeprefix("captions/")
+def _add_captions(style: str, found: list[dict[str, Any]], samples: list[Sample]) -> None:
     told: dict[str, list[str]] = {}
-    for row in _rows(work, dataset, name, number, ids):
+    for row in found:
         told.setdefault(row["sample_id"], []).append(row["text"])
     for s in samples:
         s.captions += [f"{style}: {text}" for text in told.get(s.row["sample_id"], [])[:2]]
 
 
-def _head_for(
-    work: WorkDir, dataset: str, names: list[str], wanted: str | None
-) -> tuple[str, ScaleHead, str, str | None] | None:
-    """(name, head, its embeddings, its captions) for a part whose tables are `names`."""
+def _head_for(work: WorkDir, dataset: str, names: list[str], wanted: str | None) -> _Head | None:
+    """A head, its embeddings and its captions for a part whose tables are `names`."""
     ranked = []
     for name in [wanted] if wanted else head_names(work):
         about = head_description(work, name)
@@ -177,24 +209,12 @@ def _head_for(
     if not ranked:
         return None
     _, name, embeddings, text = min(ranked, key=lambda r: r[:2])
-    return name, ScaleHead.load(f"{work.store.location}/heads/{name}"), embeddings, text
+    head = ScaleHead.load(f"{work.store.location}/heads/{name}")
+    return _Head(name, head, embeddings, text)
 
 
-def _predict(work, dataset, number, chosen, samples, name, head, embeddings, captions) -> None:
-    try:
-        features, there = TestPart(work, dataset, number, "").features(embeddings, captions)
-    except RsaDataError:
-        return  # the captions were made again since; status says so
-    if features.shape[1] != head.dim or not there[chosen].any():
-        return
-    scale, shift = head(features[chosen])
-    for k, s in enumerate(samples):
-        if there[chosen[k]]:
-            s.scale, s.shift, s.head = float(scale[k]), float(shift[k]), name
-
-
-def _add_depth(work, dataset, name, number, ids, samples) -> None:
-    rows = {row["sample_id"]: row for row in _rows(work, dataset, name, number, ids)}
+def _add_depth(found: list[dict[str, Any]], samples: list[Sample]) -> None:
+    rows = {row["sample_id"]: row for row in found}
     for s in samples:
         row = rows.get(s.row["sample_id"])
         if not row or row["status"] != "ok" or row["kind"] != "map":

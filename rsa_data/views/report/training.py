@@ -7,11 +7,12 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
+from ...common import html
 from ...common.errors import RsaDataError
+from ...common.html import Html, tag
 from ...evaluation.paper import paper_rows
 from ...store.tables import WorkDir
-from . import html, plots
-from .html import Html, tag
+from . import plots
 from .lineage import head_description, head_names
 
 _METRICS = {

@@ -8,9 +8,9 @@ import pyarrow.compute as pc
 
 from ... import registry
 from ...captions import summary
+from ...common.html import Html, tag
 from ...store.tables import Table, WorkDir
 from . import plots
-from .html import Html, tag
 
 _CLASSES = 20
 # Parts read a table, evenly over it. At 2,000 images a part that is 100,000 images.
@@ -98,7 +98,8 @@ def _captions(work: WorkDir, table: Table) -> list[Html]:
 
 
 def _limit(tokenizer: str) -> int | None:
-    return registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)().max_tokens
+    limit: int | None = registry.resolve("tokenizer", registry.TOKENIZERS, tokenizer)().max_tokens
+    return limit
 
 
 def _duplicates(work: WorkDir, table: Table) -> list[str]:

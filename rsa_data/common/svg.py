@@ -1,6 +1,10 @@
-"""What plots are drawn with: scales, ticks, labels, marks, the frame of an SVG."""
+"""What plots are drawn with: scales, ticks, labels, marks, the frame of an SVG.
 
-from collections.abc import Sequence
+Colours come from plot.css, by class, so that a plot suits light and dark pages alike.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib.resources import files
 from itertools import count
 from typing import Any
 
@@ -12,6 +16,7 @@ WIDTH, HEIGHT = 640, 300
 LEFT, RIGHT, TOP, BOTTOM = 62, 16, 14, 46
 SERIES = 7
 _numbers = count()
+Scale = Callable[[float], float]
 
 
 def svg(title: str, height: float, parts: Sequence[str]) -> Html:
@@ -25,8 +30,28 @@ def svg(title: str, height: float, parts: Sequence[str]) -> Html:
     )
 
 
-def axes(xs, ys, x, y, x_label: str, y_label: str) -> list[str]:
-    """Grid, ticks and names of both axes."""
+def document(title: str, size: tuple[float, float], parts: Sequence[str]) -> str:
+    """The drawing as a file of its own, with its title on top. size : width and height in px."""
+    width, height = size
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
+        f'viewBox="0 0 {width:.0f} {height:.0f}" role="img" font-family="sans-serif">\n'
+        f"<style>{style()}</style>\n"
+        '<rect width="100%" height="100%" style="fill: var(--paper)"/>\n'
+        + "\n".join([label(10, 20, title, "start", strong=True), *parts])
+        + "\n</svg>\n"
+    )
+
+
+def style() -> str:
+    """The style sheet of plots: colours of series, axes and rules, for light and dark."""
+    return files("rsa_data.common").joinpath("plot.css").read_text("utf-8")
+
+
+def axes(
+    xs: Sequence[float], ys: Sequence[float], x: Scale, y: Scale, x_label: str, y_label: str
+) -> list[str]:
+    """Grid, ticks and names of both axes. xs, ys : the ticks; x, y : from values to px."""
     parts = [rule(LEFT, y(t), WIDTH - RIGHT, y(t)) for t in ys]
     parts += [label(LEFT - 7, y(t) + 4, short(t), "end") for t in ys]
     parts += [rule(x(t), HEIGHT - BOTTOM, x(t), HEIGHT - BOTTOM + 4) for t in xs]
@@ -57,6 +82,12 @@ def mark(x: float, y: float, series: int, inner: str = "") -> str:
     return f'<polygon {kind} points="{points}">{inner}</polygon>'
 
 
+def path(points: Sequence[tuple[float, float]], series: int) -> str:
+    """A line through points, in the colour of a series."""
+    places = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
+    return f'<polyline class="line s{series % SERIES}" points="{places}"/>'
+
+
 def legend(names: Sequence[str]) -> Html:
     """Which mark belongs to which series."""
     items = [
@@ -79,9 +110,11 @@ def rule(x1: float, y1: float, x2: float, y2: float) -> str:
     return f'<line class="rule" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
-def label(x: float, y: float, words: str, anchor: str = "middle") -> str:
+def label(x: float, y: float, words: str, anchor: str = "middle", strong: bool = False) -> str:
     """Words at a place."""
-    return f'<text class="axis" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text(words)}</text>'
+    kind = "axis strong" if strong else "axis"
+    where = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
+    return f'<text class="{kind}" {where}>{text(words)}</text>'
 
 
 def ticks(low: float, high: float, whole: bool = False) -> list[float]:
@@ -103,7 +136,7 @@ def span(ticks: Sequence[float], values: np.ndarray) -> tuple[float, float]:
     return min(ticks[0], float(values.min())), max(ticks[-1], float(values.max()))
 
 
-def scales(across: tuple[float, float], up: tuple[float, float]):
+def scales(across: tuple[float, float], up: tuple[float, float]) -> tuple[Scale, Scale]:
     """Functions from values to px, across and up."""
     wide, high = max(across[1] - across[0], 1e-9), max(up[1] - up[0], 1e-9)
     return (
@@ -127,11 +160,3 @@ def short(number: Any) -> str:
 def cut(words: str, letters: int) -> str:
     """Words, shortened where they are too long."""
     return words if len(words) <= letters else words[: letters - 1] + "…"
-
-
-def viridis(share: float) -> str:
-    """A colour for a share from 0 to 1."""
-    from ..pictures.colours import depth_colours
-
-    r, g, b = depth_colours(np.array([[max(share, 1e-6)]]), 1.0)[0, 0]
-    return f"#{r:02x}{g:02x}{b:02x}"
