@@ -14,7 +14,7 @@ import threading
 import time
 from pathlib import Path
 
-from rsa_data.common.models import card_of
+from rsa_data.common.cards import card_of
 from rsa_data.datasets.images import read_image
 from rsa_data.segments import graph, onnx
 

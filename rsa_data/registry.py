@@ -172,9 +172,9 @@ def described(table: dict[str, str]) -> list[tuple[str, str]]:
 
 
 def _first_line(name: str, table: dict[str, str]) -> str:
-    from .common import models
+    from .common import cards
 
-    if told := models.about(name):
+    if told := cards.about(name):
         return told
     try:
         found = resolve("entry", table, name)

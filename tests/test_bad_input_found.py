@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from rsa_data import registry
-from rsa_data.common import class_names, models
+from rsa_data.common import cards, class_names
 from rsa_data.common.errors import RowError, RsaDataError
 from rsa_data.common.units import parse_size
 from rsa_data.datasets.folder import folder
@@ -120,7 +120,7 @@ table = "coco"
 def test_model_cards_with_values_of_another_kind(tmp_path, old, new):
     (tmp_path / "a.toml").write_text(CARD.replace(old, new))
     with pytest.raises(RsaDataError, match="model card a"):
-        card = models.read_card(tmp_path / "a.toml")
+        card = cards.read_card(tmp_path / "a.toml")
         graph.load(card, tmp_path / "none.onnx", table=graph.class_table(card))
 
 

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from rsa_data.common import models
+from rsa_data.common import onnx_sessions
 from rsa_data.common.errors import RowError, RsaDataError
 from rsa_data.datasets.depth_files import npy
 from rsa_data.datasets.images import read_bytes
@@ -47,25 +47,25 @@ def onnx_model(tmp_path):
 @pytest.mark.parametrize("location", ["../secret.bin", "/etc/passwd", "beside.bin"])
 def test_an_onnx_model_cannot_read_other_files(onnx_model, location, nested):
     with pytest.raises(RsaDataError, match="expected an ONNX model in one file"):
-        models.open_session(onnx_model(location, nested))
+        onnx_sessions.open_session(onnx_model(location, nested))
 
 
 @pytest.mark.parametrize("nested", [False, True])
 def test_an_onnx_model_in_one_file_opens(onnx_model, nested):
-    session = models.open_session(onnx_model(None, nested))
+    session = onnx_sessions.open_session(onnx_model(None, nested))
     assert session.run(None, {"x": np.ones(4, np.float32)})[0].tolist() == [1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("name", ["tu2020_mbv2_blconv7dw_nyu_224", "yolox_nano"])
 def test_real_models_open(shared, name):
-    assert models.open_session(shared / f"models/{name}.onnx").get_inputs()
+    assert onnx_sessions.open_session(shared / f"models/{name}.onnx").get_inputs()
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff" * 100, b"PK\3\4 not a model"])
 def test_what_is_no_onnx_model_is_an_error_of_ours(tmp_path, data):
     (tmp_path / "m.onnx").write_bytes(data)
     with pytest.raises(RsaDataError, match="expected an ONNX model that onnxruntime can run"):
-        models.open_session(tmp_path / "m.onnx")
+        onnx_sessions.open_session(tmp_path / "m.onnx")
 
 
 class Bomb:

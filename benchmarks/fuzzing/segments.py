@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from rsa_data.captions import natural
-from rsa_data.common import class_names, models, tokenizers
+from rsa_data.common import cards, class_names, model_files, tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets.folder import folder
 from rsa_data.datasets.nyuv2 import nyuv2
@@ -127,8 +127,8 @@ def class_table(here: Path) -> One:
 
 
 def card_seeds() -> list[bytes]:
-    cards = (Path(models.__file__).parent / "model_cards").glob("*.toml")
-    return [path.read_bytes() for path in sorted(cards)]
+    folder = Path(cards.__file__).parent / "model_cards"
+    return [path.read_bytes() for path in sorted(folder.glob("*.toml"))]
 
 
 def card(here: Path) -> One:
@@ -151,8 +151,8 @@ def card(here: Path) -> One:
 
     def one(data: bytes) -> None:
         (here / "card.toml").write_bytes(data)
-        found = models.read_card(here / "card.toml")
-        models.cached_path(found)
+        found = cards.read_card(here / "card.toml")
+        model_files.cached_path(found)
         table = graph.class_table(found)
         for k in range(len(names)):
             try:

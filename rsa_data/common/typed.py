@@ -58,8 +58,13 @@ def _explained(message: str, value: Any, where: str) -> str:
     if not text.startswith("Expected "):
         return f"{place}: {text}"
     wanted = text.removeprefix("Expected ").partition(", got ")[0]
-    wanted = re.sub(r"`(\w+)`", lambda kind: _KINDS.get(kind[1], kind[1]), wanted)
+    wanted = re.sub(r"`(.+?)`", lambda kinds: _named(kinds[1]), wanted)
     return f"{place}: expected {wanted}, found {found(_at(value, path or ''))}"
+
+
+def _named(kinds: str) -> str:
+    """`str | null` as "text or nothing"."""
+    return " or ".join(_KINDS.get(kind, kind) for kind in kinds.split(" | "))
 
 
 def _at(value: Any, path: str) -> Any:

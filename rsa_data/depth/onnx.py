@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..common.cards import card_of
 from ..common.errors import RowError, RsaDataError, UsageError
-from ..common.models import Card, card_of, local_file, open_session
+from ..common.model_files import local_file
+from ..common.onnx_sessions import open_session
 from ..datasets import images
 from ..datasets.kitti import CROP
 from .files import inverse
@@ -29,7 +31,7 @@ def build(
     """A session on the model's file, and the reader of images below `root`; see measure.build."""
     card = card_of("relative-depth", name)
     session = open_session(model_file(name, weights), threads)
-    resize = fixed(geometry) if geometry else RESIZES[card["resize"]](card)
+    resize = fixed(geometry) if geometry else RESIZES[card.settings["resize"]](card.settings)
     name_in = session.get_inputs()[0].name
     # Images are read side by side; the model runs on `threads` cores, as it was told.
     alone = threading.Lock()
@@ -41,10 +43,10 @@ def build(
             seen, part = resize(cut(image, box))
         except RowError as error:
             raise RowError(f"{path}: {error}") from error
-        pixels = normalise(seen, card)
+        pixels = normalise(seen, card.settings)
         with alone:
             y = answer(session, name_in, pixels, name)
-        return Relative(inverse(y) if card["output"] == "depth" else y, inside(box, part))
+        return Relative(inverse(y) if card.settings["output"] == "depth" else y, inside(box, part))
 
     return source
 
@@ -80,6 +82,8 @@ def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.nda
 
 
 Box = tuple[float, float, float, float]
+# What a card says beyond the keys that all cards have.
+Settings = dict[str, Any]
 # RGB uint8 (h, w, 3) -> what the model sees, same layout, and the part of the image it shows.
 Resize = Callable[[np.ndarray], tuple[np.ndarray, Box]]
 
@@ -95,12 +99,12 @@ def fixed(geometry: str) -> Resize:
     return lambda image: (_resize(image, *size), (0.0, 0.0, 1.0, 1.0))
 
 
-def _squash(card: Card) -> Resize:
+def _squash(card: Settings) -> Resize:
     """The card's `width` and `height`, whatever the image's shape."""
     return fixed(f"{card['width']}x{card['height']}")
 
 
-def _keep_aspect(card: Card) -> Resize:
+def _keep_aspect(card: Settings) -> Resize:
     """The side that needs the least change becomes `size`, both are rounded to `multiple`.
 
     As DPTImageProcessor of transformers (keep_aspect_ratio) and Depth Anything do it.
@@ -108,15 +112,15 @@ def _keep_aspect(card: Card) -> Resize:
 
     def resize(image: np.ndarray) -> tuple[np.ndarray, Box]:
         height, width = image.shape[:2]
-        k = min(card["size"] / height, card["size"] / width, key=lambda k: abs(1 - k))
-        multiple = card["multiple"]
+        size, multiple = card["size"], card["multiple"]
+        k = min(size / height, size / width, key=lambda k: abs(1 - k))
         sides = [max(1, round(k * side / multiple)) * multiple for side in (width, height)]
         return _resize(image, *sides), (0.0, 0.0, 1.0, 1.0)
 
     return resize
 
 
-def _centre_crop(card: Card) -> Resize:
+def _centre_crop(card: Settings) -> Resize:
     """The short side becomes `short`, then the centred square of `size` is cut out."""
 
     def resize(image: np.ndarray) -> tuple[np.ndarray, Box]:
@@ -131,7 +135,7 @@ def _centre_crop(card: Card) -> Resize:
     return resize
 
 
-RESIZES: dict[str, Callable[[Card], Resize]] = {
+RESIZES: dict[str, Callable[[Settings], Resize]] = {
     "squash": _squash,
     "keep-aspect": _keep_aspect,
     "centre-crop": _centre_crop,
@@ -147,9 +151,10 @@ def _resize(image: np.ndarray, width: int, height: int, area: bool = False) -> n
     return cv2.resize(image, (width, height), interpolation=how)
 
 
-def normalise(image: np.ndarray, card: Card) -> np.ndarray:
+def normalise(image: np.ndarray, card: Settings) -> np.ndarray:
     """RGB uint8 (h, w, 3) -> float32 (1, 3, h, w): / 255, minus the card's mean, over its std."""
-    mean, std = (np.float32(card.get(key, d)) for key, d in (("mean", (0,) * 3), ("std", (1,) * 3)))
+    mean = np.float32(card.get("mean", (0,) * 3))
+    std = np.float32(card.get("std", (1,) * 3))
     values = (image.astype(np.float32) / np.float32(255) - mean) / std  # (h, w, 3)
     return np.ascontiguousarray(values.transpose(2, 0, 1)[None])  # (1, 3, h, w)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..common.errors import RsaDataError
-from ..common.models import fetch
+from ..common.model_files import fetch
 from .batches import PREFIX_AXES, by_prefix
 from .checkpoints import load_strictly, read_tensors
 from .encoder import Encoder, ImageModel, TextModel

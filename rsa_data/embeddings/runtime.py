@@ -120,7 +120,7 @@ def in_torch(module: "torch.nn.Module", precision: Precision, device: str) -> Ru
 
 def in_onnx(graph: Path, threads: int) -> Run:
     """A graph whose inputs have the names of a batch's, in ONNX Runtime on the CPU."""
-    from ..common.models import open_session
+    from ..common.onnx_sessions import open_session
 
     session: Any = open_session(graph, threads, "cpu")
 

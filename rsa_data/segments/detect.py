@@ -10,7 +10,7 @@ import pyarrow as pa
 from .. import registry
 from ..common import options
 from ..common.errors import UsageError, unknown
-from ..common.models import Device
+from ..common.onnx_sessions import Device
 from ..datasets.dataset import Dataset
 from ..datasets.images import MAX_PIXELS
 from ..runner.stage import Stage

@@ -9,9 +9,10 @@ import numpy as np
 
 from .. import registry
 from ..common import class_names, forms
+from ..common.cards import Card
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError
-from ..common.models import Card, Device, open_session
+from ..common.onnx_sessions import Device, open_session
 from .decoding import Decoder
 from .found import to_segments
 from .graph_checks import TYPES, Prepared, check_arrays, check_inputs, check_outputs
@@ -65,12 +66,12 @@ def load(
 
     Raises RsaDataError when the card is not complete or the graph is not what it says.
     """
-    where = f"model card {card['name']}"
+    where, settled = f"model card {card.name}", card.settings
     for key in ("input", "output", "decoder", "classes"):
-        if not isinstance(card.get(key), dict):
+        if not isinstance(settled.get(key), dict):
             raise RsaDataError(f"{where}: expected a section [{key}]; found none")
-    forms.check(card, _FORM, where)
-    settings = dict(card["decoder"])
+    forms.check(settled, _FORM, where)
+    settings = dict(settled["decoder"])
     if score_threshold is not None:
         settings["score_threshold"] = score_threshold
     family = registry.resolve("decoder", registry.DECODERS, settings.get("family", ""))
@@ -80,19 +81,19 @@ def load(
         raise RsaDataError(
             f"{where}: [decoder] expected the setting {error}; found none"
         ) from error
-    if missing := set(decoder.roles) - set(card["output"]):
+    if missing := set(decoder.roles) - set(settled["output"]):
         raise RsaDataError(
             f"{where}: [output] expected the names of {', '.join(decoder.roles)}; "
             f"found none for {', '.join(sorted(missing))}"
         )
-    prepare = preprocessor(card["input"], where)
+    prepare = preprocessor(settled["input"], where)
     session = open_session(path, threads, device)
-    outputs = {role: card["output"][role] for role in decoder.roles}
+    outputs = {role: settled["output"][role] for role in decoder.roles}
     if features is not None:
         outputs["features"] = features
-    fixed = check_inputs(session, card["input"], where, path.name)
+    fixed = check_inputs(session, settled["input"], where, path.name)
     check_outputs(session, outputs, decoder, where, path.name)
-    name = card["input"]["name"]
+    name = settled["input"]["name"]
     kinds = {i.name: TYPES.get(i.type, np.float32) for i in session.get_inputs()}
 
     def run(images: Sequence[Prepared]) -> list[dict[str, np.ndarray]]:
@@ -151,9 +152,9 @@ def _feature_rows(values: np.ndarray, candidates: int | None, where: str, name: 
 
 def class_table(card: Card) -> ClassTable:
     """The class table of a card's [classes]: `table` by name (with its own `count`), or names."""
-    where = f"model card {card['name']}: [classes]"
+    where = f"model card {card.name}: [classes]"
     form = {"table?": "text", "count?": "a class number"}
-    spec = forms.check(card.get("classes", {}), form, where)
+    spec = forms.check(card.settings.get("classes", {}), form, where)
     if "table" in spec:
         shipped = class_names.table(spec["table"])
         return ClassTable(shipped.names, shipped.things, spec.get("count", shipped.count))

@@ -8,8 +8,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from ..common.cards import Card, card_of, card_path, read_card
 from ..common.errors import RowError, RsaDataError, UsageError
-from ..common.models import Card, Device, card_of, card_path, local_file, read_card
+from ..common.model_files import local_file
+from ..common.onnx_sessions import Device
 from ..common.prefetch import ahead, settled
 from ..common.progress import advance
 from ..datasets import images

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from rsa_data.common import models
+from rsa_data.common import cards, model_files, onnx_sessions
+from rsa_data.common.cards import Card
 from rsa_data.common.errors import RsaDataError, UsageError
 
 CONTENT = b"weights" * 1000
@@ -57,12 +58,12 @@ def left_in(folder: Path) -> list[str]:
 
 
 def test_download_then_cache(served, tmp_path):
-    card = {"name": "m", "url": f"{served}/model.onnx", "sha256": SHA}
-    path = models.local_file(card)
+    card = Card(name="m", url=f"{served}/model.onnx", sha256=SHA)
+    path = model_files.local_file(card)
     assert path.read_bytes() == CONTENT
     assert left_in(tmp_path / "cache") == ["model.onnx"]
     (tmp_path / "served" / "model.onnx").unlink()
-    assert models.local_file(card) == path
+    assert model_files.local_file(card) == path
 
 
 @pytest.mark.parametrize(
@@ -75,60 +76,57 @@ def test_download_then_cache(served, tmp_path):
     ],
 )
 def test_a_bad_download_leaves_nothing(served, tmp_path, name, sha, message):
-    card = {"name": "m", "url": f"{served}/{name}", "sha256": sha}
+    card = Card(name="m", url=f"{served}/{name}", sha256=sha)
     with pytest.raises(RsaDataError, match=message):
-        models.local_file(card)
+        model_files.local_file(card)
     assert left_in(tmp_path / "cache") == []
 
 
 def test_offline_says_which_file_goes_where(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    card = {"name": "m", "url": "http://127.0.0.1:9/model.onnx", "sha256": SHA}
+    card = Card(name="m", url="http://127.0.0.1:9/model.onnx", sha256=SHA)
     with pytest.raises(RsaDataError) as error:
-        models.local_file(card, option="--model")
-    place = models.cached_path(card)
-    for part in (card["url"], SHA, str(place), "--model FILE"):
+        model_files.local_file(card, option="--model")
+    place = model_files.cached_path(card)
+    for part in (card.url, SHA, str(place), "--model FILE"):
         assert part in str(error.value)
     place.parent.mkdir(parents=True, exist_ok=True)
     place.write_bytes(CONTENT)
-    assert models.local_file(card) == place
+    assert model_files.local_file(card) == place
 
 
 def test_a_damaged_cache_is_not_used(served):
-    card = {"name": "m", "url": f"{served}/model.onnx", "sha256": SHA}
-    path = models.local_file(card)
+    card = Card(name="m", url=f"{served}/model.onnx", sha256=SHA)
+    path = model_files.local_file(card)
     path.write_bytes(CONTENT[:-1])
     with pytest.raises(RsaDataError, match="Delete that file and run again"):
-        models.local_file(card)
+        model_files.local_file(card)
     path.unlink()
-    assert models.local_file(card).read_bytes() == CONTENT
+    assert model_files.local_file(card).read_bytes() == CONTENT
 
 
 def test_a_file_of_the_users_own(tmp_path):
     own = tmp_path / "own.onnx"
-    card = {"name": "m"}
+    card = Card(name="m")
     with pytest.raises(RsaDataError, match="names no download; give the file with --weights FILE"):
-        models.local_file(card)
+        model_files.local_file(card)
     with pytest.raises(RsaDataError, match="--model: expected the model's file; there is none at"):
-        models.local_file(card, own, "--model")
+        model_files.local_file(card, own, "--model")
     own.write_bytes(b"")
-    assert models.local_file(card, own) == own
+    assert model_files.local_file(card, own) == own
 
 
 HUB = """
 import sys
-from rsa_data.common import models
+from rsa_data.common import model_files
+from rsa_data.common.cards import Card
 from rsa_data.common.errors import RsaDataError
 
-card = {
-    "name": "m",
-    "hub": "owner/name",
-    "file": "onnx/model.onnx",
-    "revision": "a" * 40,
-    "sha256": sys.argv[1],
-}
+card = Card(
+    name="m", hub="owner/name", file="onnx/model.onnx", revision="a" * 40, sha256=sys.argv[1]
+)
 try:
-    print(models.local_file(card).read_bytes() == b"weights" * 1000)
+    print(model_files.local_file(card).read_bytes() == b"weights" * 1000)
 except RsaDataError as error:
     print(error)
 """
@@ -202,37 +200,39 @@ def test_the_hub_out_of_reach(tmp_path):
         ("a = ", "expected a TOML file"),
         ('hub = "a/b"', "expected file, and revision or sha256"),
         ('url = "https://x/y"', "with a url expected its sha256"),
+        ("licence = 3", r"mine.toml.licence: expected text or nothing, found 3"),
+        ('name = "a/b"', "expected the name of a file; found 'a/b'"),
     ],
 )
 def test_bad_cards(tmp_path, text, message):
     path = tmp_path / "mine.toml"
     path.write_text(text)
     with pytest.raises(RsaDataError, match=message):
-        models.read_card(path)
+        cards.read_card(path)
 
 
 def test_every_shipped_card_is_whole():
     for kind in ("segments", "relative-depth", "text-encoder"):
-        assert models.names(kind)
-        for name in models.names(kind):
-            card = models.card_of(kind, name)
-            assert card["licence"], name
-            assert len(card.get("sha256", "0" * 64)) == 64
-            assert len(card.get("revision", "0" * 40)) == 40
+        assert cards.names(kind)
+        for name in cards.names(kind):
+            card = cards.card_of(kind, name)
+            assert card.licence, name
+            assert len(card.sha256 or "0" * 64) == 64
+            assert len(card.revision or "0" * 40) == 40
 
 
 def test_unknown_cards():
     with pytest.raises(UsageError, match="Did you mean 'yolox-nano'"):
-        models.card_of("segments", "yolox-nan")
+        cards.card_of("segments", "yolox-nan")
     with pytest.raises(UsageError, match="unknown segments model 'clip-rn50'"):
-        models.card_of("segments", "clip-rn50")
+        cards.card_of("segments", "clip-rn50")
 
 
 def test_a_file_that_is_no_model(tmp_path):
     path = tmp_path / "m.onnx"
     path.write_bytes(b"not a model")
     with pytest.raises(RsaDataError, match="expected an ONNX model that onnxruntime can run"):
-        models.open_session(path)
+        onnx_sessions.open_session(path)
 
 
 def test_cuda_where_there_is_none(tmp_path):
@@ -241,4 +241,4 @@ def test_cuda_where_there_is_none(tmp_path):
     if "CUDAExecutionProvider" in onnxruntime.get_available_providers():
         pytest.skip("this onnxruntime has CUDA")
     with pytest.raises(UsageError, match="this onnxruntime has no CUDA; install onnxruntime-gpu"):
-        models.open_session(tmp_path / "m.onnx", device="cuda")
+        onnx_sessions.open_session(tmp_path / "m.onnx", device="cuda")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from own_models import run
 
-from rsa_data.common import models
+from rsa_data.common import cards
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.registry import DECODERS, SEGMENTERS, resolve
 from rsa_data.segments import detect
@@ -33,9 +33,9 @@ def test_every_entry_resolves_and_every_card_is_known(name):
     builder = resolve("segmenter", SEGMENTERS, name)
     assert builder.__doc__
     if SEGMENTERS[name].startswith("rsa_data.segments.onnx"):
-        card = models.card_of("segments", name)
-        assert card["decoder"]["family"] in DECODERS
-    assert set(models.names("segments")) <= set(SEGMENTERS)
+        card = cards.card_of("segments", name)
+        assert card.settings["decoder"]["family"] in DECODERS
+    assert set(cards.names("segments")) <= set(SEGMENTERS)
 
 
 # Real weights, on real images.
@@ -107,7 +107,7 @@ def test_overlap_with_the_people_of_the_annotation(shared):
 
 def test_features_are_those_of_the_kept_cells(shared):
     """NanoDet's distance bins as features: the rows of the cells that were kept."""
-    card = tomllib.loads(models.card_path("yolox-nano").read_text())
+    card = tomllib.loads(cards.card_path("yolox-nano").read_text())
     options = {"source": "yolox-nano", "model": shared / "models" / REAL["yolox-nano"]}
     found = run(shared, [STREET], **options, features=card["output"]["predictions"])
     features = np.stack([np.frombuffer(f, "<f4") for f in found["feature"][0].as_py()])
@@ -120,7 +120,7 @@ def test_features_are_those_of_the_kept_cells(shared):
 
 def test_a_copy_of_a_model_and_its_card_gives_the_same(shared, tmp_path):
     """Nothing hangs on names or places: only on the bytes of model and card."""
-    shutil.copy(models.card_path("yolox-nano"), tmp_path / "any.toml")
+    shutil.copy(cards.card_path("yolox-nano"), tmp_path / "any.toml")
     shutil.copy(shared / "models" / REAL["yolox-nano"], tmp_path / "any.onnx")
     one = run(shared, [STREET], source="yolox-nano", model=shared / "models" / REAL["yolox-nano"])
     two = run(

@@ -6,7 +6,7 @@ import pytest
 from own_models import CARD, DATASET, run, write_graph, write_semantic
 from PIL import Image
 
-from rsa_data.common import models
+from rsa_data.common import cards, onnx_sessions
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.segments import detect
 from rsa_data.store import schemas
@@ -183,7 +183,7 @@ def test_external_data_stays_inside_the_models_folder(own, tmp_path):
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
         (inside / "m.onnx").write_bytes(model.SerializeToString())
         with pytest.raises(RsaDataError, match="expected an ONNX model in one file"):
-            models.open_session(inside / "m.onnx")
+            onnx_sessions.open_session(inside / "m.onnx")
     assert onnx.__version__
 
 
@@ -271,7 +271,7 @@ def test_memory_does_not_grow_with_the_images(own, tmp_path):
     """Only some images are in flight, however many there are."""
     from rsa_data.segments import graph, onnx
 
-    card = models.read_card(own["model_card"])
+    card = cards.read_card(own["model_card"])
     detector = graph.load(card, own["model"], table=graph.class_table(card))
     begun, most, ended = 0, 0, 0
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rsa_data.common.cards import Card
 from rsa_data.common.class_names import ClassTable
 from rsa_data.segments import graph
 
@@ -170,13 +171,13 @@ SHORTEST = {"resize": "shortest", "shortest": 96, "longest": 1333, **IMAGENET}
 
 def card(outputs, decoder, resize):
     common = {"name": "pixel_values", "resample": "pillow", "scale": 1 / 255}
-    return {
-        "name": "tiny",
+    settings = {
         "input": {**common, **resize},
         "output": outputs,
         "decoder": decoder,
         "classes": {},
     }
+    return Card(name="tiny", settings=settings)
 
 
 def both(exported, name, processor, outputs, decoder, resize):

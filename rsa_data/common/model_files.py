@@ -1,0 +1,142 @@
+"""The files of models: found in the cache, or downloaded and checked against their card."""
+
+import hashlib
+import os
+import socket
+import tempfile
+import urllib.error
+import urllib.parse
+import urllib.request
+from pathlib import Path
+
+from .cards import Card, card_path, read_card
+from .errors import RsaDataError
+
+_TIMEOUT = 30.0  # seconds without an answer
+
+
+def fetch(name: str, option: str = "--weights") -> Path:
+    """The file of the shipped model `name`: from the cache, or downloaded and checked."""
+    return local_file(read_card(card_path(name)), option=option)
+
+
+def local_file(card: Card, given: Path | None = None, option: str = "--weights") -> Path:
+    """The model's file on this machine.
+
+    given : a file of the user's own, taken as it is; otherwise the cache, then the download.
+    Raises RsaDataError that names the file, where it comes from and where to put it, when it is
+    not here and cannot be had, or when its bytes are not those that the card names.
+    """
+    if given is not None:
+        if not given.is_file():
+            raise RsaDataError(f"{option}: expected the model's file; there is none at {given}")
+        return given
+    own = cached_path(card)
+    if own.is_file():
+        return _checked(card, own, option)
+    if card.hub:
+        return _from_hub(card, own, option)
+    if card.url:
+        _download(card, own, option)
+        return own
+    raise RsaDataError(
+        f"model {card.name}: its card names no download; give the file with {option} FILE"
+    )
+
+
+def cached_path(card: Card) -> Path:
+    """Where a model's file lies once it was downloaded from a URL or put there by hand."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    version = (card.sha256 or card.revision or "any")[:16]
+    file = Path(card.file or card.url or f"{card.name}.onnx").name
+    return Path(base) / "rsa-data" / "models" / f"{card.name}-{version}" / file
+
+
+def _address(card: Card) -> str:
+    if card.url:
+        return card.url
+    return f"https://huggingface.co/{card.hub}/resolve/{card.revision or 'main'}/{card.file}"
+
+
+def _unavailable(card: Card, own: Path, option: str, reason: object) -> RsaDataError:
+    checksum = f" (sha256 {card.sha256})" if card.sha256 else ""
+    return RsaDataError(
+        f"model {card.name}: its file is not on this machine and the download failed: {reason}\n"
+        f"Way out: get {_address(card)}{checksum} where there is a network, and put it at {own}, "
+        f"or name it with {option} FILE" + (" of `rsa-data detect`" if option == "--model" else "")
+    )
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _checked(card: Card, path: Path, option: str) -> Path:
+    if (wanted := card.sha256) and (found := _sha256(path)) != wanted:
+        raise RsaDataError(
+            f"model {card.name}: expected sha256 {wanted} of {path}; found {found}. "
+            f"Delete that file and run again, or name another with {option} FILE"
+        )
+    return path
+
+
+def _from_hub(card: Card, own: Path, option: str) -> Path:
+    from huggingface_hub import constants, hf_hub_download
+    from huggingface_hub.errors import LocalEntryNotFoundError
+
+    assert card.hub and card.file
+    where, revision = (card.hub, card.file), card.revision
+    try:
+        path = hf_hub_download(*where, revision=revision, local_files_only=True)
+    except LocalEntryNotFoundError:
+        try:
+            _resolve_host(constants.ENDPOINT)
+            path = hf_hub_download(*where, revision=revision)
+        # The layers below (HTTP, Xet, the disk) raise errors of many unrelated kinds.
+        except Exception as error:
+            reason = str(error).strip().splitlines()
+            raise _unavailable(
+                card, own, option, reason[0] if reason else type(error).__name__
+            ) from error
+    return _checked(card, Path(path), option)
+
+
+def _resolve_host(address: str) -> None:
+    """Fails at once where there is no network; the hub's client would retry for half a minute."""
+    if not urllib.request.getproxies():
+        host = urllib.parse.urlsplit(address)
+        socket.getaddrinfo(host.hostname, host.port or 443)
+
+
+def _download(card: Card, own: Path, option: str) -> None:
+    """Fetches the card's url to `own`, which appears only whole and with the right checksum."""
+    url = card.url or ""
+    if not url.startswith(("https://", "http://")):
+        raise RsaDataError(f"model {card.name}: expected an http(s) url; found {url!r}")
+    own.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=own.parent, prefix=".part-")
+    sha = hashlib.sha256()
+    try:
+        with (
+            os.fdopen(handle, "wb") as file,
+            urllib.request.urlopen(url, timeout=_TIMEOUT) as answer,
+        ):
+            while block := answer.read(1 << 20):
+                sha.update(block)
+                file.write(block)
+            size, expected = file.tell(), answer.headers.get("Content-Length")
+            if expected is not None and size != int(expected):
+                raise _unavailable(card, own, option, f"expected {expected} bytes, got {size}")
+            file.flush()
+            os.fsync(file.fileno())
+        if sha.hexdigest() != card.sha256:
+            raise RsaDataError(
+                f"model {card.name}: expected sha256 {card.sha256} of {url}; "
+                f"found {sha.hexdigest()}: nothing was kept"
+            )
+        Path(temporary).replace(own)
+    except (OSError, ValueError, urllib.error.HTTPError) as error:
+        raise _unavailable(card, own, option, error) from error
+    finally:
+        Path(temporary).unlink(missing_ok=True)
