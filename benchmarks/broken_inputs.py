@@ -278,7 +278,7 @@ def check(
     kinds: Counter = Counter()
     for number in samples.parts():
         receipt = made.receipt(number)
-        totals.update({k: receipt[k] for k in ("ok", "failed", "skipped")})
+        totals.update({k: getattr(receipt, k) for k in ("ok", "failed", "skipped")})
         rows = made.read(number).select(["sample_id", "status", "error"]).to_pylist()
         images = dict(
             zip(*(samples.read(number)[c].to_pylist() for c in ("sample_id", "image")), strict=True)

@@ -177,7 +177,7 @@ def main() -> int:
         killed += status == -signal.SIGKILL
         if failpoint is None and status == 0:
             moments.append(None)  # it was faster this time: another moment
-        parts = len(list(work.rglob("part-*.json")))
+        parts = len(list(work.rglob("_part-*.json")))
         again = ended(start(words, output))
         found = differences(expected, contents(work))
         bad += bool(found or again)

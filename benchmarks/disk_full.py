@@ -36,7 +36,7 @@ def main() -> int:
         roomy = rooms.made(base / "roomy", PARTS, ROWS)
         runs.run(rooms.captions_job(roomy), bar=rooms.NoBar)
         expected = receipts(roomy)
-        need = sum(r["bytes"] for r in expected) // 1000
+        need = sum(r.bytes for r in expected) // 1000
         print(f"captions of {PARTS} parts: {need} kB")
         for what in ("will not fit", "filled in the middle"):
             place = base / what.replace(" ", "-")
@@ -52,7 +52,7 @@ def main() -> int:
 
 
 def fill_and_free(what: str, place: Path, work: WorkDir, expected: list) -> int:
-    need = sum(r["bytes"] for r in expected)
+    need = sum(r.bytes for r in expected)
     ballast = place / "ballast"
     if what == "will not fit":
         ballast.write_bytes(bytes(work.store.free() - need // 2))

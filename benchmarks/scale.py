@@ -41,7 +41,7 @@ def prepared(folder: Path, parts: int, rows: int) -> WorkDir:
 
 def outcome(work: WorkDir) -> list[str]:
     table = work.table("rooms", TABLE)
-    return [table.receipt(n)["sha256"] for n in table.parts()]
+    return [table.receipt(n).sha256 for n in table.parts()]
 
 
 def between(folder: Path, texts: list[int]) -> float:
@@ -74,7 +74,7 @@ def main() -> int:
                 subprocess.run(words(whole, engine, workers), check=True, capture_output=True)
                 seconds = time.monotonic() - begun
                 table = work.table("rooms", TABLE)
-                texts = [table.receipt(n)["rows"] for n in table.parts()]
+                texts = [table.receipt(n).rows for n in table.parts()]
                 expected = expected or outcome(work)
                 same = outcome(work) == expected
 

@@ -30,13 +30,19 @@ date.
 A table is a folder of Parquet parts, `WORK/DATASET/TABLE/part-NNNNN-HASH.parquet`; heads
 keep theirs in `WORK/heads/NAME`. Beside the parts stand
 
-- `table.json`: what made the table (stage, options, sha256 of model files, inputs, versions);
-- `part-NNNNN.json`: the receipt. A part without a receipt is not done. It holds rows, ok, failed,
+- `_table.json`: what made the table (stage, options, sha256 of model files, inputs, versions);
+- `_part-NNNNN.json`: the receipt. A part without a receipt is not done. It holds rows, ok, failed,
   skipped, split, sha256 of the file, digest of the content, and the digests of the input parts;
-- `manifest.json`: all receipts, once every part is done.
+- `_manifest.json`: all receipts, once every part is done.
 
-Part n of every table of a dataset belongs to the same samples. Any Parquet reader opens a part:
-`pandas.read_parquet(sorted(glob.glob("work/nyuv2/captions/occupancy/part-*.parquet"))[0])`.
+Part n of every table of a dataset belongs to the same samples. pandas, DuckDB and pyarrow.dataset
+open the folder as one table, since Arrow leaves out names that begin with an underscore:
+`pandas.read_parquet("work/nyuv2/captions/occupancy")`; Polars takes the glob
+`work/nyuv2/captions/occupancy/*.parquet`. While a run writes, a folder may hold data that no
+receipt names yet; a finished one holds exactly its parts.
+
+Tables of version 0.1 have the same helper files without the underscore. They are read, continued
+and verified as they are; `--start-over` makes one under the new names.
 
 A schema's version goes up when a column changes its meaning or type; CHANGELOG.md says then what to
 do with tables of the version before.

@@ -132,7 +132,7 @@ def test_values_of_options_that_nobody_means():
 
 
 @pytest.mark.parametrize("content", [b"[]", b"3", b'{"part": 0}', b"\xe1", b"[" * 100_000])
-@pytest.mark.parametrize("name", ["table.json", "part-00000.json", "manifest.json"])
+@pytest.mark.parametrize("name", ["_table.json", "_part-00000.json", "_manifest.json"])
 def test_files_of_a_table_that_somebody_changed(tmp_path, content, name):
     table = rooms.made(tmp_path, parts=1, rows=2).table("rooms", "samples")
     (tmp_path / "rooms" / "samples" / name).write_bytes(content)
@@ -142,7 +142,7 @@ def test_files_of_a_table_that_somebody_changed(tmp_path, content, name):
 
 def test_inputs_that_lead_back_to_their_table(tmp_path):
     work = rooms.made(tmp_path, parts=1, rows=2)
-    path = tmp_path / "rooms" / "segments" / "labels" / "table.json"
+    path = tmp_path / "rooms" / "segments" / "labels" / "_table.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "inputs": ["segments/labels"]}))
     with pytest.raises(RsaDataError, match="its inputs lead back to it"):
         status.status(work)
@@ -182,7 +182,7 @@ def test_a_tokenizer_that_panics(tmp_path):
 
 def test_a_receipt_cannot_name_a_file_elsewhere(tmp_path):
     table = rooms.made(tmp_path, parts=1, rows=2).table("rooms", "samples")
-    path = tmp_path / "rooms" / "samples" / "part-00000.json"
-    path.write_text(json.dumps({**table.receipt(0), "file": "../../../etc/passwd"}))
+    path = tmp_path / "rooms" / "samples" / "_part-00000.json"
+    path.write_text(json.dumps({**json.loads(path.read_bytes()), "file": "../../../etc/passwd"}))
     with pytest.raises(RsaDataError, match="file: expected a file's name"):
         table.read(0)

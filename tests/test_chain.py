@@ -34,10 +34,10 @@ def counted(work: WorkDir, dataset: str) -> tuple[int, int, int, int]:
     ]
     captions = work.table(dataset, "captions/occupancy")
     return (
-        sum(segments.receipt(n)["ok"] for n in segments.parts()),
+        sum(segments.receipt(n).ok for n in segments.parts()),
         sum(len(part) for part in labels),
         sum(pc.sum(pc.match_substring(part, " ")).as_py() for part in labels),
-        sum(captions.receipt(n)["rows"] for n in captions.parts()),
+        sum(captions.receipt(n).rows for n in captions.parts()),
     )
 
 
@@ -84,7 +84,7 @@ def test_seven_scenes_job(shared, tmp_path):
     work = WorkDir(tmp_path)
     for table in work.tables("7scenes"):
         parts = work.table("7scenes", table)
-        rows = [(parts.receipt(n)["ok"], parts.receipt(n)["failed"]) for n in parts.parts()]
+        rows = [(parts.receipt(n).ok, parts.receipt(n).failed) for n in parts.parts()]
         assert sum(failed for _, failed in rows) == 0, table
         if table.startswith(("samples", "segments", "depth")):
             assert rows == [(80, 0), (20, 0)]

@@ -48,7 +48,7 @@ def verify(work: str, recompute: int) -> None:
     if problems:
         raise RsaDataError(
             f"{problems} problems found. To make a bad part anew, delete its receipt "
-            "(WORK/DATASET/TABLE/part-NNNNN.json) and run the command of its table again"
+            "(WORK/DATASET/TABLE/_part-NNNNN.json) and run the command of its table again"
         )
 
 

@@ -13,7 +13,7 @@ from .. import registry
 from ..common import options as option_binding
 from ..common.errors import RsaDataError, UsageError
 from ..store import schemas
-from ..store.tables import WorkDir, fingerprint
+from ..store.tables import Description, Made, WorkDir, fingerprint
 from .dataset import Dataset
 from .roots import is_remote, open_root
 
@@ -21,7 +21,7 @@ from .roots import is_remote, open_root
 def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[str, Any]]:
     """The dataset `NAME`, or `BUILDER:NAME` for a builder under a name of one's own.
 
-    Returns it with what samples/table.json keeps, from which `load_dataset` opens it again.
+    Returns it with what the samples table keeps, from which `load_dataset` opens it again.
     """
     builder, _, name = choice.partition(":")
     build = registry.resolve("dataset", registry.DATASETS, builder)
@@ -51,7 +51,7 @@ def _part_sizes(*, part_size: int = 2000, test_part_size: int = 100) -> None:
 
 def load_dataset(work: WorkDir, name: str) -> Dataset:
     """The dataset that a work dir has under `name`, with the options it was indexed with."""
-    kept = dict(work.table(name, "samples").description()["options"])
+    kept = dict(work.table(name, "samples").description().options)
     builder = kept.pop("dataset")
     known = option_binding.parameters(registry.resolve("dataset", registry.DATASETS, builder))
     return open_dataset(f"{builder}:{name}", {k: v for k, v in kept.items() if k in known})[0]
@@ -110,15 +110,13 @@ def index(
     samples = _named(samples, dataset.name)
     table = work.table(dataset.name, "samples")
     sizes = {"part_size": part_size, "test_part_size": test_part_size}
-    description = {
-        "stage": "index",
-        "stage_version": 1,
-        "schema": "samples",
-        "schema_version": schemas.definition("samples")["version"],
-        "options": {**kept, **sizes},
-        "files": {},
-        "inputs": [],
-    }
+    description = Description(
+        stage="index",
+        stage_version=1,
+        schema="samples",
+        schema_version=schemas.definition("samples")["version"],
+        options={**kept, **sizes},
+    )
     table.bind(description)
     # Listed once: were the next number taken from a second look, a run beside this one that had
     # written a part in between would leave its samples there twice.
@@ -128,15 +126,17 @@ def index(
     fresh = samples.filter(pc.invert(pc.is_in(samples["sample_id"], value_set=known)))
     number = max(there, default=-1) + 1
     if len(fresh):
-        table.store.delete(f"{table.path}/manifest.json")
+        table.forget_manifest()
     for split in sorted(pc.unique(fresh["split"]).to_pylist(), key=lambda s: (s != "train", s)):
         rows = fresh.filter(pc.equal(fresh["split"], split))
         size = test_part_size if split in dataset.test_splits else part_size
         for start in range(0, len(rows), size):
             part = rows.slice(start, size)
             what = {"dataset": dataset.name, "digest": schemas.digest(part)}
-            counts = {"ok": len(part), "failed": 0, "skipped": 0}
-            table.commit(number, part, {**counts, "split": split, "fingerprint": fingerprint(what)})
+            made = Made(
+                ok=len(part), failed=0, skipped=0, split=split, fingerprint=fingerprint(what)
+            )
+            table.commit(number, part, made)
             number += 1
     table.manifest(table.parts())
     return {"samples": len(known) + len(fresh), "new": len(fresh)}

@@ -79,7 +79,7 @@ def by_description(
     ]
     segments = [
         name
-        for name in work.table(dataset, captions).description()["inputs"]
+        for name in work.table(dataset, captions).description().inputs
         if name.startswith("segments/")
     ]
     pairs += [_classes(work, dataset, name, numbers) for name in segments]

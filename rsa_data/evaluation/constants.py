@@ -65,7 +65,7 @@ def training_pixels(
     Raises RsaDataError when the table holds no training part.
     """
     table = work.table(dataset, depth)
-    good = {n: r["ok"] for n in table.parts() if (r := table.receipt(n))["split"] == "train"}
+    good = {n: r.ok for n in table.parts() if (r := table.receipt(n)).split == "train"}
     total = sum(good.values())
     if not total:
         raise RsaDataError(
@@ -105,7 +105,7 @@ def fit_constants(
     groups = {}
     for name, depth in depths.items():
         table = work.table(name, depth)
-        if any(table.receipt(n)["split"] == "train" for n in table.parts()):
+        if any(table.receipt(n).split == "train" for n in table.parts()):
             groups[name] = (*training_pixels(work, name, depth), limits[name][1])
     joint = [groups[name] for name in trained_on if name in groups]
     # With one training set the joint constant is that set's own.

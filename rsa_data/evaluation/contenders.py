@@ -67,7 +67,7 @@ def has_training(work: WorkDir, dataset: str) -> bool:
     """Whether a dataset has images that may be trained on."""
     tests = index.load_dataset(work, dataset).test_splits
     samples = work.table(dataset, "samples")
-    return any(samples.receipt(n)["split"] not in tests for n in samples.parts())
+    return any(samples.receipt(n).split not in tests for n in samples.parts())
 
 
 def plans(

@@ -114,12 +114,12 @@ def evaluate(
             depth = work.table(name, depths[name])
             rows, notes_ = paper_rows(
                 name,
-                work.table(name, "samples").description()["options"]["dataset"],
+                work.table(name, "samples").description().options["dataset"],
                 split=split,
                 protocol=protocol,
-                images=sum(depth.receipt(p.number)["ok"] for p in parts),
+                images=sum(depth.receipt(p.number).ok for p in parts),
                 model=depth.name.partition("/")[2],
-                options=depth.description()["options"],
+                options=depth.description().options,
             )
             theirs += rows
             said += notes_

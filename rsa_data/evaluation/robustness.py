@@ -126,20 +126,20 @@ def robustness_methods(
     from ..embeddings import embed
 
     captions = work.table(source.dataset, source.captions).description()
-    segments = next((n for n in captions["inputs"] if n.startswith("segments/")), None)
+    segments = next((n for n in captions.inputs if n.startswith("segments/")), None)
     if segments is None:
         raise RsaDataError(
             f"{source.dataset}/{source.captions}: expected captions written from segments, whose "
             "objects can be changed; these were imported"
         )
     encode = embed.build(
-        **{**work.table(source.dataset, source.embeddings).description()["options"]},
+        **work.table(source.dataset, source.embeddings).description().options,
         weights=weights,
     )
     wrong = "street" if max_depth <= _INDOOR_METRES else "indoor"
     methods = {}
     for name, (change, variant) in CHANGES.items():
-        options = {**captions["options"], "domain": wrong, "seed": seed, **change}
+        options = {**captions.options, "domain": wrong, "seed": seed, **change}
         writer = write.build(**options | {"variants": variant + 1})
         edit = _nothing if name == "nothing found" else _as_found
         described = partial(_described, writer, edit, segments, variant)
@@ -167,8 +167,12 @@ def _has(work: WorkDir, source: "Source", embeddings: str) -> bool:
     )
     if not table.exists():
         return False
-    same = ("options", "files", "stage_version")
-    return all(table.description()[key] == own.description()[key] for key in same)
+    there, here = table.description(), own.description()
+    return (there.options, there.files, there.stage_version) == (
+        here.options,
+        here.files,
+        here.stage_version,
+    )
 
 
 def _as_found(segments: pa.Table) -> pa.Table:

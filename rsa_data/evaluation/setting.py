@@ -25,7 +25,7 @@ def with_split(work: WorkDir, datasets: Sequence[str], split: str) -> list[str]:
     splits = {}
     for name in datasets or there:
         samples = work.table(name, "samples")
-        splits[name] = {samples.receipt(n)["split"] for n in samples.parts()}
+        splits[name] = {samples.receipt(n).split for n in samples.parts()}
     chosen = [name for name, has in splits.items() if split in has]
     if missing := sorted(set(datasets) - set(chosen)):
         found = ", ".join(sorted(splits[missing[0]]))
@@ -91,14 +91,14 @@ def _same(kind: str, wanted: dict[str, Any], where: str, found: dict[str, Any]) 
 
 def rules_of(work: WorkDir, name: str, protocol: str) -> Rules:
     """The protocol's rules for a dataset of the work dir."""
-    kind = work.table(name, "samples").description()["options"]["dataset"]
+    kind = work.table(name, "samples").description().options["dataset"]
     return rules(protocol, index.load_dataset(work, name), kind)
 
 
 def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]:
     """The parts of a split, in order. Raises RsaDataError where depth is not done for all."""
     samples, table = work.table(name, "samples"), work.table(name, depth)
-    numbers = [n for n in samples.parts() if samples.receipt(n)["split"] == split]
+    numbers = [n for n in samples.parts() if samples.receipt(n).split == split]
     if missing := set(numbers) - set(table.parts()):
         raise RsaDataError(
             f"{table}: {len(missing)} of {len(numbers)} parts of the {split} split are not done. "

@@ -100,7 +100,7 @@ def has_sizes(work: WorkDir, dataset: str, captions: str | None, part: TestPart)
     """The segments table that the baseline can be made from: it has boxes, samples have fy."""
     if not captions or all(sample["fy"] is None for sample in part.samples):
         return None
-    inputs = work.table(dataset, captions).description()["inputs"]
+    inputs = work.table(dataset, captions).description().inputs
     segments = next((name for name in inputs if name.startswith("segments/")), None)
     if segments is None or part.number not in work.table(dataset, segments).parts():
         return None

@@ -22,13 +22,13 @@ def features_identity(table: Table) -> dict[str, Any]:
     """What features are: style, encoder, its options and the sha256 of its files."""
     description = table.description()
     _, style, encoder = table.name.split("/")
-    options = {k: v for k, v in description["options"].items() if k not in _INDIFFERENT}
+    options = {k: v for k, v in description.options.items() if k not in _INDIFFERENT}
     return {
         "style": style,
         "encoder": encoder,
         "options": options,
-        "files": description["files"],
-        "stage_version": description["stage_version"],
+        "files": description.files,
+        "stage_version": description.stage_version,
     }
 
 
@@ -49,13 +49,13 @@ def width(table: Table, number: int) -> int:
 def depth_identity(table: Table) -> tuple[dict[str, Any], dict[str, Any]]:
     """What y is: (model, its options and files; the geometry this dataset's images had)."""
     description = table.description()
-    options = {k: v for k, v in description["options"].items() if k not in _INDIFFERENT}
+    options = {k: v for k, v in description.options.items() if k not in _INDIFFERENT}
     geometry = {key: options.pop(key, None) for key in _PER_DATASET}
     model = {
         "model": table.name.partition("/")[2],
         "options": options,
-        "files": description["files"],
-        "stage_version": description["stage_version"],
+        "files": description.files,
+        "stage_version": description.stage_version,
     }
     return model, geometry
 
@@ -160,13 +160,13 @@ def current(work: WorkDir, source: Source, number: int) -> dict[str, str]:
     names = ["samples", source.captions, source.embeddings, source.images, source.depth]
     receipts = {name: work.table(source.dataset, name).receipt(number) for name in names if name}
     for name, receipt in receipts.items():
-        for input_name, digest in receipt.get("inputs", {}).items():
-            if input_name in receipts and receipts[input_name]["digest"] != digest:
+        for input_name, digest in receipt.inputs.items():
+            if input_name in receipts and receipts[input_name].digest != digest:
                 raise RsaDataError(
                     f"{source.dataset}/{name} part {number} was made from another {input_name} "
                     "part than the one that lies there now: run its stage again"
                 )
-    return {name: receipt["digest"] for name, receipt in receipts.items()}
+    return {name: receipt.digest for name, receipt in receipts.items()}
 
 
 def together(digests: list[dict[str, str]]) -> dict[str, str]:

@@ -29,11 +29,11 @@ def state(work: WorkDir, name: str) -> str:
         except RsaDataError:
             continue  # a dataset of a package that is not installed here
         samples = work.table(dataset, "samples")
-        numbers = [n for n in samples.parts() if samples.receipt(n)["split"] not in splits]
+        numbers = [n for n in samples.parts() if samples.receipt(n).split not in splits]
         for table_name, digest in about.get("tables", {}).items():
             table = work.table(dataset, table_name)
             there = set(table.parts())
-            digests = [table.receipt(n)["digest"] for n in numbers if n in there]
+            digests = [table.receipt(n).digest for n in numbers if n in there]
             if fingerprint(digests) != digest:
                 changed.append(table.path)
     return f"out of date: trained before {', '.join(changed)} changed" if changed else ""

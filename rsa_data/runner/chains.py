@@ -62,7 +62,7 @@ def samples(
         table.start_over()
     if not given and table.exists():
         dataset = index.load_dataset(work, table.dataset)
-        kept = dict(table.description()["options"])
+        kept = dict(table.description().options)
     else:
         dataset, kept = index.open_dataset(choice, given)
     sizes = {k: kept.pop(k) for k in ("part_size", "test_part_size") if k in kept}
@@ -208,12 +208,12 @@ def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
     order = stages.names()
     for dataset in datasets:
         made = {
-            name: work.table(dataset, name).description()["stage"] for name in work.tables(dataset)
+            name: work.table(dataset, name).description().stage for name in work.tables(dataset)
         }
         names = [name for name in made if made[name] in order]
         for name in sorted(names, key=lambda name: (order.index(made[name]), name)):
             table = work.table(dataset, name)
-            failed = any(r["failed"] for r in table.receipts(table.parts()))
+            failed = any(r.failed for r in table.receipts(table.parts()))
             if failed or outdated(work, table):
                 again = RunOptions(how.bar, how.report, engine=how.engine, redo_failed=True)
                 _run(jobs.job_of(work, dataset, name), again)

@@ -5,16 +5,15 @@ import platform
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 from ..store import schemas
-from ..store.tables import fingerprint
+from ..store.tables import Description, fingerprint
 from .jobs import Job, plain
 from .stages import label_of
 
 
-def describe(job: Job) -> dict[str, Any]:
-    """table.json of the job's output: what made it, as far as it can change the content.
+def describe(job: Job) -> Description:
+    """_table.json of the job's output: what made it, as far as it can change the content.
 
     Model files are looked for (and fetched, where the registry knows how) and hashed here, before
     any worker starts.
@@ -26,22 +25,22 @@ def describe(job: Job) -> dict[str, Any]:
         options[stage.selector] = label_of(str(options[stage.selector]))
     identity = stage.identity(**job.options)
     known = {"identity": identity} if identity else {}
-    return {
+    return Description(
         **known,
-        "stage": job.stage,
-        "stage_version": stage.version,
-        "schema": stage.schema,
-        "schema_version": schemas.definition(stage.schema)["version"],
-        "options": options,
-        "files": {name: file_sha256(str(path)) for name, path in files.items()},
-        "inputs": list(job.inputs),
-        "made_with": made_with(),
-    }
+        stage=job.stage,
+        stage_version=stage.version,
+        schema=stage.schema,
+        schema_version=schemas.definition(stage.schema)["version"],
+        options=options,
+        files={name: file_sha256(str(path)) for name, path in files.items()},
+        inputs=list(job.inputs),
+        made_with=made_with(),
+    )
 
 
-def same(old: dict[str, Any], new: dict[str, Any]) -> bool:
+def same(old: Description, new: Description) -> bool:
     """Whether two descriptions of a table promise the same content."""
-    return fingerprint({**old, "made_with": None}) == fingerprint({**new, "made_with": None})
+    return fingerprint(old.identifying()) == fingerprint(new.identifying())
 
 
 @cache
@@ -68,18 +67,15 @@ def _version(name: str) -> str:
 
 def part_inputs(job: Job, number: int) -> dict[str, str]:
     """Digests of the content of a part's input parts."""
-    return {name: job.table(name).receipt(number)["digest"] for name in job.inputs}
+    return {name: job.table(name).receipt(number).digest for name in job.inputs}
 
 
-def part_fingerprint(description: dict[str, Any], inputs: dict[str, str]) -> str:
+def part_fingerprint(description: Description, inputs: dict[str, str]) -> str:
     """What a part's content follows from: the table's description and its input parts' content."""
-    what = {key: value for key, value in description.items() if key != "made_with"}
-    return fingerprint({"table": what, "inputs": inputs})
+    return fingerprint({"table": description.identifying(), "inputs": inputs})
 
 
-def pending(
-    job: Job, description: dict[str, Any], numbers: list[int]
-) -> tuple[list[int], list[int]]:
+def pending(job: Job, description: Description, numbers: list[int]) -> tuple[list[int], list[int]]:
     """(parts to do, those of them that were done before from an input that has changed since)."""
     output = job.table(job.output)
     done = set(output.parts())
@@ -87,8 +83,8 @@ def pending(
     inputs = [job.table(name).receipts(known) for name in job.inputs]
     stale = []
     for receipt, *sources in zip(output.receipts(known), *inputs, strict=True):
-        digests = {n: of["digest"] for n, of in zip(job.inputs, sources, strict=True)}
-        if receipt["fingerprint"] != part_fingerprint(description, digests):
-            stale.append(receipt["part"])
+        digests = {n: of.digest for n, of in zip(job.inputs, sources, strict=True)}
+        if receipt.fingerprint != part_fingerprint(description, digests):
+            stale.append(receipt.part)
     again = set(stale)
     return [n for n in numbers if n not in done or n in again], stale

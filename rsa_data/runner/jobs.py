@@ -1,13 +1,12 @@
 """A job is one row stage over one dataset: which tables it reads, which one it writes."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..common.errors import RsaDataError, UsageError
 from ..datasets import index
-from ..store.tables import Table, WorkDir, to_json
+from ..store.tables import Table, WorkDir
 from . import stages
 from .stage import Options, Stage
 from .stages import ConfiguredStage
@@ -92,16 +91,15 @@ def job_of(work: WorkDir, dataset: str, table: str) -> Job:
     """
     there = work.table(dataset, table)
     description = there.description()
-    inputs = description.get("inputs", [])
+    inputs = description.inputs
     upstream = inputs[0] if inputs and inputs[0] != "samples" else None
-    last = json_object(there.store.read(f"{there.path}/local.json"))
-    given = {**description.get("options", {}), **last, "label": table.rpartition("/")[2]}
-    configured = stages.bind(description["stage"], given)
+    given = {**description.options, **there.remembered(), "label": table.rpartition("/")[2]}
+    configured = stages.bind(description.stage, given)
     reads = configured.stage.reads
     expected = reads is not None and reads.needed(configured.options)
     if expected != (upstream is not None):
         raise RsaDataError(
-            f"{there}: table.json: expected the inputs of the stage {configured.stage.name}, "
+            f"{there}: inputs: expected the inputs of the stage {configured.stage.name}, "
             f"found {inputs}. Use --start-over to make the table again"
         )
     return job(work, configured, dataset, upstream=upstream)
@@ -125,15 +123,6 @@ def choose(work: WorkDir, dataset: str, kind: str, wanted: str | None, option: s
     )
 
 
-def json_object(data: bytes | None) -> dict[str, Any]:
-    """The JSON object of a file that no content depends on; {} when it is missing or damaged."""
-    try:
-        found = json.loads(data or b"{}")
-    except (ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
 def plain(value: Any) -> Any:
     """A value as JSON can hold it: paths become strings."""
     return value if isinstance(value, (int, float, str, bool, type(None))) else str(value)
@@ -144,5 +133,4 @@ def remember(job: Job) -> None:
     stage = job.declared
     names = (*stage.local, stage.selector)
     kept = {name: plain(value) for name, value in job.options.items() if name in names}
-    output = job.table(job.output)
-    output.store.write(f"{output.path}/local.json", to_json(kept))
+    job.table(job.output).remember(kept)

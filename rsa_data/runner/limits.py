@@ -57,14 +57,14 @@ def check_space(job: Job, done: list[int], left: Iterable[int]) -> None:
         return
     used: dict[str, list[int]] = {}
     for receipt, sample in zip(table.receipts(done), samples.receipts(done), strict=True):
-        sums = used.setdefault(receipt["split"], [0, 0])
-        sums[0] += receipt["bytes"]
-        sums[1] += sample["rows"]
+        sums = used.setdefault(receipt.split, [0, 0])
+        sums[0] += receipt.bytes
+        sums[1] += sample.rows
     need = 0.0
     for receipt in samples.receipts(left):
-        if receipt["split"] in used:
-            count, rows = used[receipt["split"]]
-            need += count / rows * receipt["rows"] if rows else 0
+        if receipt.split in used:
+            count, rows = used[receipt.split]
+            need += count / rows * receipt.rows if rows else 0
     if need > free:
         raise RsaDataError(
             f"{table}: the parts that are left need about {size(need)}, {size(free)} are free. "

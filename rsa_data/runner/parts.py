@@ -10,7 +10,7 @@ from ..common import options
 from ..common.errors import RsaDataError, TransientError
 from ..datasets import index
 from ..datasets.roots import open_root
-from ..store.tables import WorkDir
+from ..store.tables import Description, Made, Receipt, WorkDir
 from .fingerprints import part_fingerprint, part_inputs, same
 from .jobs import Job
 from .stage import Step
@@ -29,8 +29,8 @@ def build_step(job: Job) -> Step:
 
 
 def run_part(
-    job: Job, step: Step, description: dict[str, Any], number: int, *, redo: bool = False
-) -> dict[str, Any]:
+    job: Job, step: Step, description: Description, number: int, *, redo: bool = False
+) -> Receipt:
     """Reads the input parts, runs the step, accounts for every row, commits; gives the receipt.
 
     redo : replace the part although it is there, made from the same input.
@@ -45,7 +45,7 @@ def run_part(
     ]
     made = step(*inputs)
     counts = account(inputs[0], made, stage.unit, f"{job.dataset}/{job.output} part {number}")
-    digests = {name: receipt["digest"] for name, receipt in receipts.items()}
+    digests = {name: receipt.digest for name, receipt in receipts.items()}
     if part_inputs(job, number) != digests or not same(output.description(), description):
         raise TransientError(
             f"{output}: another run changed the input or the options of part {number} meanwhile. "
@@ -54,21 +54,21 @@ def run_part(
     return output.commit(
         number,
         made,
-        {
+        Made(
             **counts,
-            **_measured(made),
-            "split": job.table("samples").receipt(number)["split"],
-            "inputs": digests,
-            "fingerprint": part_fingerprint(description, digests),
-        },
+            audit=_measured(made),
+            split=job.table("samples").receipt(number).split,
+            inputs=digests,
+            fingerprint=part_fingerprint(description, digests),
+        ),
         redo=redo,
     )
 
 
-def _measured(made: pa.Table) -> dict[str, Any]:
+def _measured(made: pa.Table) -> dict[str, Any] | None:
     """What a step measured of its own work: JSON under `audit` in its table's metadata."""
     audit = (made.schema.metadata or {}).get(b"audit")
-    return {"audit": json.loads(audit)} if audit else {}
+    return json.loads(audit) if audit else None
 
 
 def account(before: pa.Table, after: pa.Table, unit: str, where: str) -> dict[str, int]:

@@ -54,7 +54,7 @@ def plan(
             output.bind(description)  # says what differs
         todo, _ = fingerprints.pending(job, description, numbers)
     samples = work.table(job.dataset, "samples")
-    rows = sum(samples.receipt(n)["rows"] for n in todo)
+    rows = sum(samples.receipt(n).rows for n in todo)
     free = output.store.free()
     done = len(numbers) - len(todo)
     if not rows:

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from ..common.errors import RsaDataError, TransientError, UsageError
 from ..store.logs import RunLog
-from ..store.tables import WorkDir
+from ..store.tables import Description, Receipt, WorkDir
 from . import fingerprints, jobs, limits, parts
 from .engines import dispatch
 from .engines.pool import EngineOptions, Result, Task
@@ -20,6 +20,8 @@ from .summary import Bar as Bar
 from .summary import Summary as Summary
 
 _HERE = EngineOptions()
+
+_SUMS = ("rows", "ok", "failed", "skipped", "bytes")
 
 # After so many parts with unexpected errors the run stops: the fault is not in one part's input.
 _UNEXPECTED = 3
@@ -58,10 +60,10 @@ def run(
         done = set(output.parts())
         numbers = [number for number in numbers if number in done]
         tasks = [task for task in tasks if task.number in done]
-        again = [n for n in numbers if n not in todo and output.receipt(n)["failed"]]
+        again = [n for n in numbers if n not in todo and output.receipt(n).failed]
         tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
     came = job.table(job.inputs[0]).receipts(task.number for task in tasks)
-    sizes = {receipt["part"]: units(receipt) for receipt in came}
+    sizes = {receipt.part: receipt.units for receipt in came}
     undone: dict[int, str] = {}
     shown = bar(f"{job.dataset} {job.stage}", sum(sizes.values()))
     with RunLog(work, job.dataset, job.output) as log:
@@ -80,8 +82,8 @@ def run(
     there = [n for n in numbers if n not in undone]
     total, worked = Counter[str](), 0
     for receipt in _accounted(job, there):
-        total.update({k: receipt[k] for k in ("rows", "ok", "failed", "skipped", "bytes")})
-        worked += units(receipt) if receipt["part"] in sizes else 0
+        total.update({k: getattr(receipt, k) for k in _SUMS})
+        worked += receipt.units if receipt.part in sizes else 0
     return Summary(
         output=str(output),
         done=len(tasks) - len(undone),
@@ -93,7 +95,7 @@ def run(
         reasons=reasons(job, there) if total["failed"] else [],
         notes=parts.notes(job, there) if tasks else [],
         noun=job.declared.noun,
-        **{k: total[k] for k in ("rows", "ok", "failed", "skipped", "bytes")},
+        **{k: total[k] for k in _SUMS},
     )
 
 
@@ -115,7 +117,7 @@ def need_inputs(job: Job, numbers: list[int]) -> None:
 
 def _watched(
     job: Job,
-    description: dict[str, Any],
+    description: Description,
     tasks: list[Task],
     engine: EngineOptions,
     shown: Bar,
@@ -149,10 +151,10 @@ def _watched(
         yield result
         if result.receipt is not None:
             ended.append(result.number)
-            if result.receipt["failed"]:
+            if result.receipt.failed:
                 failing.append(result.number)
-            failed += result.receipt["failed"]
-            seen += result.receipt["ok"] + result.receipt["failed"]
+            failed += result.receipt.failed
+            seen += result.receipt.ok + result.receipt.failed
             limits.check_failures(failed, seen, max_failures, lambda: reasons(job, failing))
             if len(ended) & (len(ended) - 1) == 0:  # the 1st, 2nd, 4th, 8th ...: cheap, and early
                 limits.check_space(job, ended, left)
@@ -163,7 +165,7 @@ def _log_result(log: RunLog, result: Result, rows: int) -> None:
     if result.receipt is None:
         log.write("undone", **what, error=str(result.error), trace=result.trace)
     else:
-        counts = {k: result.receipt[k] for k in ("ok", "failed", "skipped", "bytes")}
+        counts = {k: getattr(result.receipt, k) for k in _SUMS[1:]}
         log.write("part", **what, rows=rows, **counts)
 
 
@@ -186,12 +188,7 @@ def _reason(result: Result, undone: dict[int, str], log: RunLog) -> str:
 _SEE = " (unexpected; the traceback is in the log)"
 
 
-def units(receipt: dict[str, Any]) -> int:
-    """What came into a part, as its receipt counts it."""
-    return int(receipt["ok"] + receipt["failed"] + receipt["skipped"])
-
-
-def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
+def _accounted(job: Job, numbers: list[int]) -> Iterator[Receipt]:
     """The receipts of parts. Raises RsaDataError when rows of one are not accounted for.
 
     Stages that count samples must have as many, ok + failed + skipped, as the index.
@@ -199,10 +196,10 @@ def _accounted(job: Job, numbers: list[int]) -> Iterator[dict[str, Any]]:
     counts_samples = job.declared.unit == "sample_id"
     samples = job.table("samples" if counts_samples else job.output).receipts(numbers)
     for receipt, sample in zip(job.table(job.output).receipts(numbers), samples, strict=True):
-        if counts_samples and units(receipt) != sample["rows"]:
+        if counts_samples and receipt.units != sample.rows:
             raise RsaDataError(
-                f"{job.table(job.output)}: part {receipt['part']}: expected {sample['rows']} "
-                f"samples accounted for, found {units(receipt)}. Delete its receipt to make it "
+                f"{job.table(job.output)}: part {receipt.part}: expected {sample.rows} "
+                f"samples accounted for, found {receipt.units}. Delete its receipt to make it "
                 "again"
             )
         yield receipt
@@ -215,7 +212,7 @@ def select(
     samples = work.table(dataset, "samples")
     numbers = samples.parts()
     if split is not None:
-        splits = {receipt["part"]: receipt["split"] for receipt in samples.receipts(numbers)}
+        splits = {receipt.part: receipt.split for receipt in samples.receipts(numbers)}
         if split not in splits.values():
             raise UsageError(
                 f"{dataset}: no split {split!r}; there are: {', '.join(sorted({*splits.values()}))}"
@@ -235,7 +232,7 @@ def reasons(job: Job, numbers: list[int], most: int = 3) -> list[tuple[str, int]
     counts: Counter[str] = Counter()
     table = job.table(job.output)
     for number in numbers:
-        if not table.receipt(number)["failed"]:
+        if not table.receipt(number).failed:
             continue
         part = table.read(number, columns=["sample_id", "status", "error"])
         for row in part.filter(pc.equal(part["status"], "failed")).to_pylist():

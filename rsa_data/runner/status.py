@@ -25,7 +25,7 @@ def status(work: WorkDir) -> list[str]:
             table = work.table(dataset, name)
             parts, counts = table.parts(), Counter[str]()
             for receipt in table.receipts(parts):
-                counts.update({key: receipt[key] for key in (*_ROWS, "bytes")})
+                counts.update({key: getattr(receipt, key) for key in (*_ROWS, "bytes")})
             numbers = [f"{counts[key]:,}" for key in _ROWS]
             done = f"{len(parts)}/{total}"
             rate = logs.rate(logs.last_run(work, dataset, name))
@@ -48,13 +48,10 @@ def collections() -> list[tuple[str, Collection]]:
 def stale(work: WorkDir, table: Table) -> str:
     """How many parts are out of date, or why all of them are and what to do; "" when none is."""
     description = table.description()
-    stage = stages.known(description["stage"])
-    if stage is not None and description.get("stage_version") != stage.version:
+    stage = stages.known(description.stage)
+    if stage is not None and description.stage_version != stage.version:
         return "made by another version of its stage: use --start-over to make it again"
-    if description.get("schema_version") not in (
-        None,
-        schemas.definition(description["schema"])["version"],
-    ):
+    if description.schema_version != schemas.definition(description.schema)["version"]:
         return "of another schema version: use --start-over to make it again"
     old = outdated(work, table)
     return f"{len(old)} parts out of date" if old else ""
@@ -77,8 +74,8 @@ def _outdated(
     above : tables that are made from this one; raises RsaDataError when it is among them.
     """
     if table.name in above:
-        raise RsaDataError(f"{table}: table.json: its inputs lead back to it")
-    inputs = [work.table(table.dataset, name) for name in table.description().get("inputs", [])]
+        raise RsaDataError(f"{table}: its inputs lead back to it")
+    inputs = [work.table(table.dataset, name) for name in table.description().inputs]
     old: set[int] = set()
     for source in inputs:
         if source.exists():
@@ -87,10 +84,10 @@ def _outdated(
             old |= known[source.name]
         if source.name not in digests:
             receipts = source.receipts(source.parts())
-            digests[source.name] = {r["part"]: r["digest"] for r in receipts}
+            digests[source.name] = {r.part: r.digest for r in receipts}
     changed = set()
     for receipt in table.receipts(table.parts()):
-        number, made_from = receipt["part"], receipt.get("inputs", {})
+        number, made_from = receipt.part, receipt.inputs
         for source in inputs:
             if number in old or made_from.get(source.name) != digests[source.name].get(number):
                 changed.add(number)

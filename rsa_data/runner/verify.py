@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from ..common.errors import RsaDataError
 from ..common.units import size
 from ..store import schemas
-from ..store.tables import Table, WorkDir
+from ..store.tables import Description, Receipt, Table, WorkDir
 from . import fingerprints, jobs, parts, stages, status
 
 # Model outputs on another CPU type, device or library version: the most that a row's values may be
@@ -43,7 +43,7 @@ def verify(work: WorkDir, say: Say) -> int:
             description = table.description()
             old = status.outdated(work, table)
             manifest = table.stored_manifest()
-            merged = {r["part"]: r for r in manifest["parts"]} if manifest else {}
+            merged = {r.part: r for r in manifest.parts} if manifest else {}
             for number in table.parts():
                 receipt = table.receipt(number)
                 found = list(_check(work, table, description, receipt))
@@ -55,34 +55,34 @@ def verify(work: WorkDir, say: Say) -> int:
                     say(f"{table} part {number}: {text}")
                 problems += len(found)
                 checked += 1
-                total += receipt["bytes"]
+                total += receipt.bytes
     say(f"{checked} parts, {size(total)} read: {problems or 'no'} problems")
     return problems
 
 
 def _check(
-    work: WorkDir, table: Table, description: dict[str, Any], receipt: dict[str, Any]
+    work: WorkDir, table: Table, description: Description, receipt: Receipt
 ) -> Iterator[str]:
-    number = receipt["part"]
-    data = table.store.read(f"{table.path}/{receipt['file']}")
+    number = receipt.part
+    data = table.store.read(f"{table.path}/{receipt.file}")
     if data is None:
-        yield f"expected {receipt['file']}, found no such file"
+        yield f"expected {receipt.file}, found no such file"
         return
-    if (found := hashlib.sha256(data).hexdigest()) != receipt["sha256"]:
-        yield f"expected sha256 {receipt['sha256'][:12]}..., found {found[:12]}..."
+    if (found := hashlib.sha256(data).hexdigest()) != receipt.sha256:
+        yield f"expected sha256 {receipt.sha256[:12]}..., found {found[:12]}..."
         return
     try:
         rows = pq.read_table(pa.BufferReader(data), use_threads=False)
-        schemas.check(description["schema"], rows)
+        schemas.check(description.schema, rows)
     except (RsaDataError, pa.ArrowException, OSError) as error:
         yield str(error)
         return
-    if len(rows) != receipt["rows"]:
-        yield f"expected {receipt['rows']} rows, found {len(rows)}"
-    if schemas.digest(rows) != receipt["digest"]:
+    if len(rows) != receipt.rows:
+        yield f"expected {receipt.rows} rows, found {len(rows)}"
+    if schemas.digest(rows) != receipt.digest:
         yield "the content has another digest than the receipt says"
-    stage = stages.known(description["stage"])
-    for name in description.get("inputs", [])[:1]:
+    stage = stages.known(description.stage)
+    for name in description.inputs[:1]:
         source = work.table(table.dataset, name)
         if number not in source.parts():
             yield f"its input {name} is not there any more"
@@ -92,7 +92,7 @@ def _check(
             except RsaDataError as error:
                 yield str(error)
                 continue
-            if counts != {key: receipt[key] for key in counts}:
+            if counts != {key: getattr(receipt, key) for key in counts}:
                 yield f"expected {counts}, as its rows say; the receipt says otherwise"
 
 
@@ -106,7 +106,7 @@ def recompute(work: WorkDir, count: int, say: Say, *, seed: int | None = None) -
     for dataset in work.datasets():
         for name in work.tables(dataset):
             table = work.table(dataset, name)
-            if stages.known(table.description()["stage"]) is None:
+            if stages.known(table.description().stage) is None:
                 continue
             current = sorted(set(table.parts()) - status.outdated(work, table))
             chosen = random.Random(seed).sample(current, min(count, len(current)))

@@ -5,17 +5,21 @@ import io
 import json
 from typing import Any
 
+import msgspec
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 
 def to_json(value: Any) -> bytes:
-    """JSON with sorted keys: the same value gives the same bytes."""
-    return (json.dumps(value, sort_keys=True, indent=1, ensure_ascii=False) + "\n").encode()
+    """JSON with sorted keys, of plain values or structures: the same value gives the same bytes."""
+    text = json.dumps(
+        value, sort_keys=True, indent=1, ensure_ascii=False, default=msgspec.to_builtins
+    )
+    return (text + "\n").encode()
 
 
 def fingerprint(value: Any) -> str:
-    """sha256 of a JSON value."""
+    """sha256 of a JSON value or a structure."""
     return hashlib.sha256(to_json(value)).hexdigest()
 
 

@@ -1,8 +1,12 @@
 """Receipts: which parts of a table are done, and what each of them holds.
 
-A receipt such as `part-00007.json` names the part's file of data, which is named by its own sha256;
-a file that no receipt names beside one that a receipt does is a leftover. Once every part is done
-`manifest.json` holds all receipts, in one file.
+A receipt such as `_part-00007.json` names the part's file of data, which is named by its own
+sha256; a file that no receipt names beside one that a receipt does is a leftover. Once every part
+is done `_manifest.json` holds all receipts, in one file.
+
+Names of helper files begin with an underscore, so that Arrow leaves them out when it opens the
+folder. Tables of version 0.1 have the same names without it, and keep them until they are started
+over: what reads and writes them asks `Receipts.helper` for the name.
 """
 
 import json
@@ -10,25 +14,26 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
-from ..common import forms
+import msgspec
+
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import ahead
+from ..common.typed import parse
 from .failpoints import failpoint
 from .stores import Store
+from .structures import Manifest, Receipt
 
-_RECEIPT = re.compile(r"part-(\d{5,})\.json")
+TABLE, MANIFEST, LOCAL = "table.json", "manifest.json", "local.json"
+
+_RECEIPT = re.compile(r"(_?)part-(\d{5,})\.json")
 _DATA = re.compile(r"part-(\d{5,})-[0-9a-f]{12}\.parquet")
 _COUNTS = ("rows", "bytes", "ok", "failed", "skipped")
-_FORM = dict.fromkeys(("part", *_COUNTS), "a count") | {
-    "file": "a file's name",
-    "sha256": "text",
-    "digest": "text",
-    "fingerprint?": "text",
-    "split?": "text",
-    "inputs?": {"*": "text"},
-}
+
+
+def is_table(names: Iterable[str]) -> bool:
+    """Whether the files of a folder are those of a table."""
+    return not {"_" + TABLE, TABLE}.isdisjoint(names)
 
 
 class Receipts:
@@ -36,35 +41,47 @@ class Receipts:
 
     def __init__(self, store: Store, path: str):
         self.store, self.path = store, path
+        self._start: str | None = None
 
     def __str__(self) -> str:
         return f"{self.store.location}/{self.path}"
 
+    def helper(self, name: str) -> str:
+        """The path of a helper file: `_table.json`, or `table.json` in a table of version 0.1."""
+        return f"{self.path}/{self._prefix()}{name}"
+
+    def _prefix(self) -> str:
+        if self._start is None:
+            if self.store.size(f"{self.path}/_{TABLE}") is not None:
+                self._start = "_"
+            elif self.store.size(f"{self.path}/{TABLE}") is not None:
+                self._start = ""
+        # Not kept while there is no table: another run may begin it.
+        return "_" if self._start is None else self._start
+
     def parts(self) -> list[int]:
         """Numbers of the parts that are done, ascending."""
-        names = self.store.list(self.path)
-        return sorted(int(m[1]) for name in names if (m := _RECEIPT.fullmatch(name)))
+        start = self._prefix()
+        found = (_RECEIPT.fullmatch(name) for name in self.store.list(self.path))
+        return sorted(int(match[2]) for match in found if match and match[1] == start)
 
-    def receipt(self, number: int) -> dict[str, Any]:
+    def receipt(self, number: int) -> Receipt:
         """What a part holds and what it was made from; raises RsaDataError when it is not done."""
         receipt = self._find(number)
         if receipt is None:
             raise RsaDataError(f"{self}: part {number} is not done: it has no receipt")
         return receipt
 
-    def _find(self, number: int) -> dict[str, Any] | None:
-        if (data := self.store.read(self._receipt_path(number))) is None:
+    def _find(self, number: int) -> Receipt | None:
+        path = self._receipt_path(number)
+        if (data := self.store.read(path)) is None:
             return None
-        where = f"{self}: {self._receipt_path(number)}"
         try:
-            found = forms.check(json.loads(data), _FORM, where)
-        except (ValueError, RecursionError, RsaDataError) as error:
-            known = isinstance(error, RsaDataError)
-            what = error if known else f"{where}: expected a receipt, found {data!r:.60}"
-            raise RsaDataError(f"{what}. Delete it to make the part again.") from error
-        return found
+            return parse(data, Receipt, f"{self}: {path}")
+        except RsaDataError as error:
+            raise RsaDataError(f"{error}. Delete it to make the part again.") from error
 
-    def receipts(self, numbers: Iterable[int]) -> Iterator[dict[str, Any]]:
+    def receipts(self, numbers: Iterable[int]) -> Iterator[Receipt]:
         """The receipts of parts that are done, in the order of `numbers`.
 
         One after the other, since a table may have hundreds of thousands; read side by side where
@@ -79,7 +96,7 @@ class Receipts:
                 yield receipt
 
     def manifest(self, expected: list[int]) -> dict[str, int] | None:
-        """Merges the receipts into manifest.json once all `expected` parts are done.
+        """Merges the receipts into _manifest.json once all `expected` parts are done.
 
         Returns what they add up to, or None when parts are missing. Also removes what runs that
         died have left in the folder.
@@ -87,35 +104,34 @@ class Receipts:
         self._sweep()
         done = self.parts()
         if done != expected:
-            self.store.delete(f"{self.path}/manifest.json")
+            self.store.delete(self.helper(MANIFEST))
             return None
         total, lines = Counter[str](), []
         for receipt in self.receipts(done):
-            total.update({key: receipt[key] for key in _COUNTS})
-            lines.append(json.dumps(receipt, sort_keys=True, ensure_ascii=False).encode())
+            total.update({key: getattr(receipt, key) for key in _COUNTS})
+            plain = msgspec.to_builtins(receipt)
+            lines.append(json.dumps(plain, sort_keys=True, ensure_ascii=False).encode())
         head = json.dumps({key: total[key] for key in _COUNTS}).removesuffix("}").encode()
         data = b"".join([head, b', "parts": [\n', b",\n".join(lines), b"\n]}\n"])
-        if self.store.read(f"{self.path}/manifest.json") != data:
+        if self.store.read(self.helper(MANIFEST)) != data:
             failpoint("manifest")
-            self.store.write(f"{self.path}/manifest.json", data)
+            self.store.write(self.helper(MANIFEST), data)
         failpoint("manifested")
         return {key: total[key] for key in _COUNTS}
 
-    def stored_manifest(self) -> dict[str, Any] | None:
-        """manifest.json as it lies there, or None when the table is not finished."""
-        data = self.store.read(f"{self.path}/manifest.json")
-        if data is None:
+    def stored_manifest(self) -> Manifest | None:
+        """_manifest.json as it lies there, or None when the table is not finished."""
+        path = self.helper(MANIFEST)
+        if (data := self.store.read(path)) is None:
             return None
         try:
-            return forms.check(json.loads(data), {"parts": [_FORM]}, f"{self}: manifest.json")
-        except (ValueError, RecursionError) as error:
-            raise RsaDataError(
-                f"{self}: manifest.json: expected JSON, found {data!r:.60}. Run the stage again"
-            ) from error
+            return parse(data, Manifest, f"{self.store.location}/{path}")
+        except RsaDataError as error:
+            raise RsaDataError(f"{error}. Run the stage again") from error
 
     def complete(self) -> bool:
         """Whether the table has been finished; an index that was stopped half-way has not."""
-        return self.store.size(f"{self.path}/manifest.json") is not None
+        return self.store.size(self.helper(MANIFEST)) is not None
 
     def _sweep(self) -> None:
         """Removes data that no receipt names, beside one that names other data."""
@@ -128,8 +144,8 @@ class Receipts:
         for number, files in data.items():
             if len(files) > 1 and (receipt := self._find(number)):
                 for name in files:
-                    if name != receipt["file"]:
+                    if name != receipt.file:
                         self.store.delete(f"{self.path}/{name}")
 
     def _receipt_path(self, number: int) -> str:
-        return f"{self.path}/part-{number:05d}.json"
+        return self.helper(f"part-{number:05d}.json")

@@ -1,39 +1,33 @@
 """Tables that appear part by part, are found whole or not at all.
 
-A table is a folder with `table.json` (what made it, created once), files of data such as
-`part-00007-1f0c2ab34d5e.parquet`, and receipts such as `part-00007.json`. A file of data is named
+A table is a folder with `_table.json` (what made it, created once), files of data such as
+`part-00007-1f0c2ab34d5e.parquet`, and receipts such as `_part-00007.json`. A file of data is named
 by its own sha256 and never changed; the receipt names it, and its appearance is the commit, on a
 file system as on S3. So two runs at once cannot mix, and a part without a receipt is not done.
 Nothing that depends on time, host or worker stands in any of them: the same work, the same bytes.
 """
 
 import hashlib
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..common import forms
 from ..common.errors import RsaDataError, TransientError
+from ..common.typed import parse
 from . import schemas as tables
 from .encoding import differences, encoded, short
 from .encoding import fingerprint as fingerprint
 from .encoding import to_json as to_json
 from .failpoints import failpoint
-from .receipts import Receipts
+from .receipts import LOCAL, MANIFEST, TABLE, Receipts, is_table
 from .stores import open_store
-
-_FORM = {
-    "stage": "text",
-    "stage_version?": "a whole number",
-    "schema": "text",
-    "schema_version?": "a whole number",
-    "options?": "an object",
-    "files?": {"*": "text"},
-}
+from .structures import Description as Description
+from .structures import Made as Made
+from .structures import Receipt as Receipt
+from .structures import T
 
 
 class WorkDir:
@@ -53,7 +47,7 @@ class WorkDir:
         while folders:
             folder = folders.pop()
             names = self.store.list(f"{dataset}/{folder}")
-            if "table.json" in names:
+            if is_table(names):
                 found.append(folder.rstrip("/"))
             folders += [folder + name for name in names if name.endswith("/")]
         return sorted(found)
@@ -72,24 +66,31 @@ class Table(Receipts):
 
     def exists(self) -> bool:
         """Whether the table has been begun."""
-        return self.store.size(f"{self.path}/table.json") is not None
+        return self.store.size(self.helper(TABLE)) is not None
 
-    def description(self) -> dict[str, Any]:
-        """table.json: stage, stage_version, schema, schema_version, options, files, inputs."""
-        data = self.store.read(f"{self.path}/table.json")
-        if data is None:
+    def description(self) -> Description:
+        """What made the table; raises RsaDataError when it has not been begun."""
+        return self._described(Description)
+
+    def _described(self, kind: type[T]) -> T:
+        path = self.helper(TABLE)
+        if (data := self.store.read(path)) is None:
             raise RsaDataError(f"{self}: no such table. Tables there: {self._neighbours()}")
         try:
-            found = forms.check(json.loads(data), _FORM, f"{self}: table.json")
-            to_json(found)  # a lone surrogate, which JSON can spell, has no UTF-8
-        except (ValueError, RecursionError) as error:
-            raise RsaDataError(
-                f"{self}: table.json: expected JSON, found {data!r:.60}. --start-over makes it anew"
-            ) from error
-        if self.dataset != "heads":  # whose inputs are those of several datasets
-            form = {"inputs?": ["a path that stays below"]}
-            forms.check(found, form, f"{self}: table.json")
-        return found
+            return parse(data, kind, f"{self.store.location}/{path}")
+        except RsaDataError as error:
+            raise RsaDataError(f"{error}. --start-over makes the table again") from error
+
+    def remember(self, values: dict[str, Any]) -> None:
+        """Keeps where a run found its files, in _local.json; no part depends on it."""
+        self.store.write(self.helper(LOCAL), to_json(values))
+
+    def remembered(self) -> dict[str, Any]:
+        """What the last run left by `remember`; {} when it is missing or damaged."""
+        try:
+            return parse(self.store.read(self.helper(LOCAL)) or b"{}", dict[str, Any], LOCAL)
+        except RsaDataError:
+            return {}
 
     def _neighbours(self) -> str:
         work = WorkDir.__new__(WorkDir)
@@ -101,7 +102,7 @@ class Table(Receipts):
         number: int,
         columns: list[str] | None = None,
         *,
-        receipt: dict[str, Any] | None = None,
+        receipt: Receipt | None = None,
         check: bool = False,
     ) -> pa.Table:
         """One part. Raises RsaDataError when it is not done or not what its receipt says.
@@ -110,23 +111,23 @@ class Table(Receipts):
             replaced the part since. check : also hold the sha256 of the file against it.
         """
         wanted = receipt or self.receipt(number)
-        path = f"{self.path}/{wanted['file']}"
+        path = f"{self.path}/{wanted.file}"
         size = self.store.size(path)
         if size is None and receipt is None and (newer := self.receipt(number)) != wanted:
             return self.read(number, columns, receipt=newer, check=check)
-        if size != wanted["bytes"]:
+        if size != wanted.bytes:
             found = "no file" if size is None else f"{size} bytes"
             raise RsaDataError(
-                f"{self}: part {number}: expected {wanted['bytes']} bytes, as its receipt says; "
+                f"{self}: part {number}: expected {wanted.bytes} bytes, as its receipt says; "
                 f"found {found}. Run `rsa-data verify`; delete the receipt to make it again."
             )
         try:
             with self.store.open(path) as file:
                 if check:
                     found = hashlib.sha256(file.read_buffer()).hexdigest()
-                    if found != wanted["sha256"]:
+                    if found != wanted.sha256:
                         raise pa.ArrowInvalid(
-                            f"expected sha256 {wanted['sha256'][:12]}..., found {found[:12]}..."
+                            f"expected sha256 {wanted.sha256[:12]}..., found {found[:12]}..."
                         )
                     file.seek(0)
                 return pq.read_table(file, columns=columns, use_threads=False)
@@ -136,65 +137,64 @@ class Table(Receipts):
                 "receipt to make it again."
             ) from error
 
-    def bind(self, description: Mapping[str, Any]) -> None:
-        """Begins the table, or checks that what made it is what would go on with it.
+    def bind(self, description: msgspec.Struct) -> None:
+        """Begins the table, or checks that what made it is what would continue it.
 
+        description : a Description, or the structure that stands in its place for heads.
         Raises RsaDataError naming each difference. `made_with` is for information only.
         """
         self.store.sweep(self.path)
-        self.store.create(f"{self.path}/table.json", to_json(description))
-        there = self.description()
+        self.store.create(self.helper(TABLE), to_json(description))
+        there = self._described(type(description))
         different = [
             f"{where}: the table has {short(old)}, this run has {short(new)}"
-            for where, old, new in differences(there, description)
+            for where, old, new in differences(
+                msgspec.to_builtins(there), msgspec.to_builtins(description)
+            )
             if not where.startswith("made_with")
         ]
         if different:
             raise RsaDataError(
                 f"{self} was made with other options. " + "; ".join(different) + ". Use the same "
-                "options, another --work, or --start-over to delete this table and make it anew."
+                "options, another --work, or --start-over to delete this table and make it again."
             )
 
-    def commit(
-        self, number: int, table: pa.Table, receipt: Mapping[str, Any], *, redo: bool = False
-    ) -> dict[str, Any]:
+    def commit(self, number: int, table: pa.Table, made: Made, *, redo: bool = False) -> Receipt:
         """Writes a part, then its receipt: from then on the part is done.
 
-        receipt : what the caller knows (ok, failed, skipped, split, inputs, fingerprint); rows,
-            file, bytes, sha256 and digest are added here.
         redo : replace the part even if it is there with the same fingerprint. Otherwise another
             run was faster, and what it wrote stays.
 
-        Returns the whole receipt of what is there now.
+        Returns the receipt of what is there now.
         """
-        tables.check(self.description()["schema"], table)
+        tables.check(self.description().schema, table)
         data = encoded(table)
         sha256 = hashlib.sha256(data).hexdigest()
         name = f"part-{number:05d}-{sha256[:12]}.parquet"
-        full = {
-            **receipt,
-            "part": number,
-            "rows": len(table),
-            "file": name,
-            "bytes": len(data),
-            "sha256": sha256,
-            "digest": tables.digest(table),
-        }
+        full = Receipt(
+            **{field: getattr(made, field) for field in Made.__struct_fields__},
+            part=number,
+            rows=len(table),
+            file=name,
+            bytes=len(data),
+            sha256=sha256,
+            digest=tables.digest(table),
+        )
         there = self._find(number)
-        if there and there.get("fingerprint") == full.get("fingerprint") and not redo:
+        if there and there.fingerprint == full.fingerprint and not redo:
             return there
         self.store.write(f"{self.path}/{name}", data)
         failpoint("receipt")
         if there:
-            self.store.delete(f"{self.path}/manifest.json")
+            self.store.delete(self.helper(MANIFEST))
             self.store.write(self._receipt_path(number), to_json(full))
-            if there["file"] != name:
-                self.store.delete(f"{self.path}/{there['file']}")
+            if there.file != name:
+                self.store.delete(f"{self.path}/{there.file}")
         elif not self.store.create(self._receipt_path(number), to_json(full)):
             there = self.receipt(number)
-            if there["file"] != name:
+            if there.file != name:
                 self.store.delete(f"{self.path}/{name}")
-            if there.get("fingerprint") != full.get("fingerprint"):
+            if there.fingerprint != full.fingerprint:
                 raise TransientError(
                     f"{self}: another run has just written part {number}, from another input. Let "
                     "one of them end, then run the same command again"
@@ -209,11 +209,16 @@ class Table(Receipts):
     def start_over(self) -> None:
         """Deletes the table: receipts first, so that a kill half-way leaves nothing half-valid."""
         names = self.store.list(self.path)
-        self.store.delete(f"{self.path}/manifest.json")
+        self.store.delete(self.helper(MANIFEST))
         for ending in (".json", ".parquet"):
             for name in names:
-                if name.startswith("part-") and name.endswith(ending):
+                if name.removeprefix("_").startswith("part-") and name.endswith(ending):
                     self.store.delete(f"{self.path}/{name}")
-        self.store.delete(f"{self.path}/local.json")
-        self.store.delete(f"{self.path}/table.json")
+        self.store.delete(self.helper(LOCAL))
+        self.store.delete(self.helper(TABLE))
+        self._start = None
         self.store.sweep(self.path)
+
+    def forget_manifest(self) -> None:
+        """Says that the table is not finished any more: parts are about to be added."""
+        self.store.delete(self.helper(MANIFEST))

@@ -68,7 +68,7 @@ def export(
     for name, table in chosen.items():
         for number in table.parts():
             rows = _rows(work, table, number)
-            split = work.table(name, "samples").receipt(number)["split"]
+            split = work.table(name, "samples").receipt(number).split
             file = unfinished / name / f"{split}-{number:05d}.parquet"
             file.parent.mkdir(parents=True, exist_ok=True)
             pq.write_table(rows, file, row_group_size=20_000, compression="zstd")
@@ -157,8 +157,8 @@ def _source(name: str) -> tuple[str, str]:
 def _made(name: str, table: Table) -> tuple[str, ...]:
     description = table.description()
     _, style, encoder = table.name.split("/")
-    options = ", ".join(f"{k}={v}" for k, v in description["options"].items() if k != "encoder")
-    files = ", ".join(f"{file}: {sha}" for file, sha in description["files"].items())
+    options = ", ".join(f"{k}={v}" for k, v in description.options.items() if k != "encoder")
+    files = ", ".join(f"{file}: {sha}" for file, sha in description.files.items())
     return name, style, encoder, options, files
 
 

@@ -197,8 +197,8 @@ def test_an_import_through_the_pipeline(tmp_path):
     made = work.table("mine", "captions/import")
     assert made.read(0)["text"].to_pylist() == ["A bed.", "A room."]
     assert work.tables("mine") == ["captions/import", "samples"]
-    assert list(made.description()["files"]) == ["texts"]
-    assert made.description()["identity"] == identity(**options)
+    assert list(made.description().files) == ["texts"]
+    assert made.description().identity == identity(**options)
     other = tmp_path / "others.csv"
     other.write_text("key,text\na.png,Another.\n")
     with pytest.raises(RsaDataError, match=r"other options.*texts"):
@@ -245,7 +245,7 @@ def test_the_job_for_the_whole_release(shared, tmp_path):
     work = WorkDir(str(tmp_path / "work"))
     pipeline_files.run(work, pipeline, quiet(), lambda step, result: None)
     rows = {
-        name: [work.table(name, "captions/release-text").receipt(n)["rows"] for n in range(7)]
+        name: [work.table(name, "captions/release-text").receipt(n).rows for n in range(7)]
         for name in ("nyuv2", "kitti")
     }
     assert {name: sum(counts) for name, counts in rows.items()} == {"nyuv2": 9810, "kitti": 9780}

@@ -20,7 +20,7 @@ from rsa_data.common.errors import RsaDataError, TransientError, UsageError
 from rsa_data.runner import chains, stages
 from rsa_data.runner.chains import RunOptions
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import WorkDir, to_json
 
 NAMES = ("a", "b", "c")
 
@@ -252,10 +252,10 @@ def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
     assert summary.notes[1].startswith("1 images have no answer and got 'An image.'")
     assert work.tables(name) == ["captions/vlm", "samples"]
     about = work.table(name, "captions/vlm").description()
-    assert about["identity"]["vlm_model"] == "eyes"
-    assert server.address not in json.dumps(about)
+    assert about.identity["vlm_model"] == "eyes"
+    assert server.address not in to_json(about).decode()
     receipt = work.table(name, "captions/vlm").receipt(0)
-    assert list(receipt["audit"]["failed"]) == ["rooms/train/b"]
+    assert list(receipt.audit["failed"]) == ["rooms/train/b"]
     again = chains.chain(work, asked, name, how, root=root)
     assert again.done == 0
 

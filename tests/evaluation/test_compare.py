@@ -7,7 +7,7 @@ from evaluated import images
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation.compare import compare, merge_seeds
 from rsa_data.evaluation.contenders import inputs_of
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, WorkDir
 
 TEXTS = [["a 0", "a 1", "a 2"], ["a 1", "a 2", "a 3"], ["a 2", "a 3", "a 0"], ["a 3", "a 0", "a 1"]]
 
@@ -91,6 +91,8 @@ def test_text_must_be_there_and_only_one(work):
     assert inputs_of(work, ["nyuv2", "void"], None, None) == ("occupancy", "minilm", [])
     with pytest.raises(RsaDataError, match="rsa-data embed"):
         inputs_of(work, ["nyuv2"], "counts", None)
-    work.table("nyuv2", "embeddings/counts/minilm").bind({"stage": "embed", "schema": "embeddings"})
+    work.table("nyuv2", "embeddings/counts/minilm").bind(
+        Description(stage="embed", schema="embeddings")
+    )
     with pytest.raises(UsageError, match="counts/minilm, occupancy/minilm"):
         inputs_of(work, ["nyuv2"], None, None)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import rooms
 from made_tables import DEPTH
+from msgspec.structs import replace
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation.evaluate import evaluate
@@ -11,7 +12,7 @@ from rsa_data.evaluation.robustness import CHANGES, robustness
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.runner import jobs, runs, stages
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir
 
 FAST = {"epochs": 1, "batch": 8, "pixels": 16, "threads": 1, "validation": 0.3}
 
@@ -27,13 +28,13 @@ def work(tmp_path_factory) -> WorkDir:
     """12 training and 6 test images of one dataset, segments to heads, by the real stages."""
     work = rooms.made(tmp_path_factory.mktemp("work"), parts=2, rows=9)
     samples = work.table("rooms", "samples")
-    kept = {k: samples.receipt(1)[k] for k in ("ok", "failed", "skipped")}
+    kept = {k: getattr(samples.receipt(1), k) for k in ("ok", "failed", "skipped")}
     test = with_split(samples.read(1), "test")
-    samples.commit(1, test, {**kept, "split": "test", "fingerprint": "test"})
+    samples.commit(1, test, Made(**kept, split="test", fingerprint="test"))
     samples.manifest([0, 1])
     segments = work.table("rooms", "segments/labels")
-    made_from = {"inputs": {"samples": samples.receipt(1)["digest"]}, "fingerprint": "test"}
-    segments.commit(1, segments.read(1), {**kept, "split": "test", **made_from})
+    made_from = {"inputs": {"samples": samples.receipt(1).digest}, "fingerprint": "test"}
+    segments.commit(1, segments.read(1), Made(**kept, split="test", **made_from))
     segments.manifest([0, 1])
 
     options = {"variants": 2, "tokenizer": "minilm"}
@@ -43,8 +44,7 @@ def work(tmp_path_factory) -> WorkDir:
     runs.run(job, bar=rooms.NoBar)
 
     depth = work.table("rooms", "depth/files")
-    about = {"schema": "depth", "stage": "depth", "stage_version": 1, "files": {}}
-    depth.bind({**about, "options": DEPTH, "inputs": ["samples"]})
+    depth.bind(Description(schema="depth", stage="depth", options=DEPTH, inputs=["samples"]))
     rng = np.random.default_rng(0)
     for number in (0, 1):
         rows = samples.read(number)
@@ -62,8 +62,8 @@ def work(tmp_path_factory) -> WorkDir:
             "fit_shift": [0.1] * 9,
         }
         columns = {n: values.get(n, [None] * 9) for n in schemas.schema("depth").names}
-        receipt = {k: samples.receipt(number)[k] for k in ("ok", "failed", "skipped", "split")}
-        receipt |= {"inputs": {"samples": samples.receipt(number)["digest"]}, "fingerprint": "d"}
+        sample = samples.receipt(number)
+        receipt = replace(sample.made, inputs={"samples": sample.digest}, fingerprint="d")
         depth.commit(number, schemas.from_columns("depth", columns), receipt)
     train_head(work, split_scene=True, **FAST)
     return work
@@ -100,7 +100,7 @@ def test_a_control_does_not_read_descriptions(work):
 
 def test_captions_that_were_imported_cannot_be_changed(work, monkeypatch):
     table = work.table("rooms", "captions/occupancy")
-    about = table.description() | {"inputs": ["samples"]}
+    about = replace(table.description(), inputs=["samples"])
     kind = type(table)
     real = kind.description
     monkeypatch.setattr(

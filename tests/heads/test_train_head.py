@@ -12,13 +12,14 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 from made_tables import DEPTH, ENCODER, write
+from msgspec.structs import replace
 
 from rsa_data import ScaleHead
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.train.settings import Settings, learning_rate
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir
 
 FAST = {"epochs": 6, "batch": 32, "pixels": 32, "threads": 1, "head": "linear", "lr": 0.03}
 PAPER = FAST | {"head": "mlp5", "lr": 1e-3}
@@ -207,8 +208,7 @@ def test_a_head_of_other_options_is_not_overwritten(work):
 def test_captions_made_again_since_are_noticed(work):
     toy(work, "nyuv2")
     table = work.table("nyuv2", "captions/occupancy")
-    receipt = {k: table.receipt(1)[k] for k in ("ok", "failed", "skipped", "split")}
-    table.commit(1, table.read(1).slice(2), receipt)
+    table.commit(1, table.read(1).slice(2), replace(table.receipt(1), fingerprint="", inputs={}))
     with pytest.raises(
         RsaDataError, match="minilm part 1 was made from another captions/occupancy"
     ):
@@ -231,8 +231,12 @@ def image_features(work: WorkDir, dataset: str, vectors: np.ndarray, missing: in
     """embeddings/images/eye of a dataset that `toy` wrote; one image could not be read."""
     table = work.table(dataset, "embeddings/images/eye")
     table.bind(
-        {"stage": "embed-images", "stage_version": 1, "schema": "image_embeddings", "files": {}}
-        | {"options": {"encoder": "eye"}, "inputs": ["samples"]}
+        Description(
+            stage="embed-images",
+            schema="image_embeddings",
+            options={"encoder": "eye"},
+            inputs=["samples"],
+        )
     )
     for number in work.table(dataset, "samples").parts():
         samples = work.table(dataset, "samples")
@@ -248,8 +252,8 @@ def image_features(work: WorkDir, dataset: str, vectors: np.ndarray, missing: in
             "embedding": (field.with_nullable(True), array.cast(field.type)),
         }
         receipt = {"ok": 1, "failed": 0, "skipped": 0, "split": "train"}
-        receipt["inputs"] = {"samples": samples.receipt(number)["digest"]}
-        table.commit(number, schemas.from_columns("image_embeddings", columns), receipt)
+        receipt["inputs"] = {"samples": samples.receipt(number).digest}
+        table.commit(number, schemas.from_columns("image_embeddings", columns), Made(**receipt))
 
 
 @pytest.mark.parametrize("head", ["fusion", "mlp3"])

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 
 from rsa_data.store import schemas as tables
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir
 
 ENCODER = {"encoder": "minilm", "store": "float16", "normalize": False, "threads": 2}
 DEPTH = {"depth_model": "files", "files_hold": "relative", "geometry": None, "crop": "none"}
@@ -46,7 +46,7 @@ def write(
     schemas = ("samples", "captions", "embeddings", "depth")
     for table, option, source, schema in zip(made.values(), options, inputs, schemas, strict=True):
         about = {"schema": schema, "options": option, "inputs": source, "files": {}}
-        table.bind({"stage": schema, "stage_version": 1, **about})
+        table.bind(Description(stage=schema, **about))
     for number, start in enumerate(range(0, len(scenes), part), first_part):
         rows = range(start, min(start + part, len(scenes)))
         ids = [f"{dataset}/{split}/{row:06d}" for row in rows]
@@ -96,7 +96,7 @@ def write(
             content = tables.from_columns(schema, columns[name])
             receipt = {"ok": len(rows), "failed": 0, "skipped": 0, "split": split}
             receipt |= {"inputs": {n: digests[n] for n in source}, "fingerprint": "made"}
-            digests[name] = table.commit(number, content, receipt)["digest"]
+            digests[name] = table.commit(number, content, Made(**receipt)).digest
 
 
 def _columns(rows: list[dict]) -> dict[str, list]:

@@ -10,7 +10,7 @@ from made_tables import ENCODER, write
 
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir, to_json
+from rsa_data.store.tables import Description, Made, WorkDir, to_json
 
 EVIL = "<script>alert('x')</script>\"'&"
 SIZE = (24, 32)
@@ -43,8 +43,7 @@ def made(folder: Path) -> WorkDir:
 def _segments(work: WorkDir, dataset: str) -> None:
     table = work.table(dataset, "segments/labels")
     table.bind(
-        {"stage": "detect", "stage_version": 1, "schema": "segments", "inputs": ["samples"]}
-        | {"options": {"source": EVIL}, "files": {}}
+        Description(stage="detect", schema="segments", inputs=["samples"], options={"source": EVIL})
     )
     for number in (0, 1):
         ids = work.table(dataset, "samples").read(number)["sample_id"].to_pylist()
@@ -63,13 +62,12 @@ def _segments(work: WorkDir, dataset: str) -> None:
         names = schemas.schema("segments").names
         content = schemas.from_columns("segments", {n: values.get(n, [None] * 4) for n in names})
         counts = {"ok": 3, "failed": 1, "skipped": 0, "split": ("train", "test")[number]}
-        table.commit(number, content, {**counts, "inputs": {}, "fingerprint": "made"})
+        table.commit(number, content, Made(**counts, fingerprint="made"))
 
 
 def _image_features(work: WorkDir, dataset: str, random: np.random.Generator) -> None:
     table = work.table(dataset, "embeddings/images/thumbs")
-    about = {"stage_version": 1, "options": {}, "files": {}, "inputs": ["samples"]}
-    table.bind({"stage": "embed-images", "schema": "image_embeddings", **about})
+    table.bind(Description(stage="embed-images", schema="image_embeddings", inputs=["samples"]))
     ids = work.table(dataset, "samples").read(0)["sample_id"].to_pylist()
     values = {
         "sample_id": ids,
@@ -79,7 +77,7 @@ def _image_features(work: WorkDir, dataset: str, random: np.random.Generator) ->
     }
     content = schemas.from_columns("image_embeddings", values)
     counts = {"ok": 4, "failed": 0, "skipped": 0, "split": "train"}
-    table.commit(0, content, {**counts, "inputs": {}, "fingerprint": "made"})
+    table.commit(0, content, Made(**counts, fingerprint="made"))
 
 
 def _files(root: Path, work: WorkDir, dataset: str) -> None:
@@ -114,7 +112,7 @@ def _head(work: WorkDir) -> None:
         schemas.from_columns("history", {n: [row[n] for row in rows] for n in names}), file
     )
     work.store.write("heads/small/history.parquet", file.getvalue())
-    work.store.write("heads/small/table.json", to_json({}))
+    work.store.write("heads/small/_table.json", to_json({}))
     csv = "dataset,method,images,failed,scenes,delta1,abs_rel,rmse,log10,silog,abs_rel_low,"
     csv += (
         f'abs_rel_high\nrooms,"{EVIL.replace(chr(34), chr(34) * 2)}",4,0,2,.9,.1,.3,.1,9,.08,.2\n'

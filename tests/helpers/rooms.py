@@ -3,7 +3,7 @@
 from rsa_data.runner import jobs, stages
 from rsa_data.runner.jobs import Job
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir
 
 LABELS = ("bed", "chair", "lamp", "picture", "wall", "window")
 
@@ -13,14 +13,14 @@ def made(location: object, parts: int = 4, rows: int = 50, first: int = 0) -> Wo
     work = WorkDir(str(location))
     samples, segments = (work.table("rooms", name) for name in ("samples", "segments/labels"))
     about = {"stage_version": 1, "options": {"dataset": "folder"}, "files": {}}
-    samples.bind({"stage": "index", "schema": "samples", "inputs": [], **about})
-    segments.bind({"stage": "made", "schema": "segments", "inputs": ["samples"], **about})
+    samples.bind(Description(stage="index", schema="samples", **about))
+    segments.bind(Description(stage="made", schema="segments", inputs=["samples"], **about))
     counts = {"ok": rows, "failed": 0, "skipped": 0, "split": "train"}
     for number in range(first, first + parts):
         ids = [f"rooms/train/{number:03d}/{row:05d}" for row in range(rows)]
-        done = samples.commit(number, sample_rows(ids), {**counts, "fingerprint": f"{number}"})
-        made_from = {"inputs": {"samples": done["digest"]}, "fingerprint": f"{number}"}
-        segments.commit(number, segment_rows(ids), {**counts, **made_from})
+        done = samples.commit(number, sample_rows(ids), Made(**counts, fingerprint=f"{number}"))
+        made_from = {"inputs": {"samples": done.digest}, "fingerprint": f"{number}"}
+        segments.commit(number, segment_rows(ids), Made(**counts, **made_from))
     samples.manifest(samples.parts())
     segments.manifest(samples.parts())
     return work

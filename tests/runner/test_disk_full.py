@@ -32,7 +32,7 @@ def test_a_disk_that_is_full(tmp_path, workers):
         rooms.made(each.store.location, parts=1, rows=2000, first=4)
     runs.run(rooms.captions_job(whole), bar=rooms.NoBar)
     table = whole.table("rooms", "captions/occupancy")
-    sizes = [table.receipt(n)["bytes"] for n in table.parts()]
+    sizes = [table.receipt(n).bytes for n in table.parts()]
     limit = (max(sizes[:4]) + sizes[4]) // 2
     ended = subprocess.run(
         words(tmp_path / "a", "--workers", workers),

@@ -144,7 +144,7 @@ def test_a_part_that_kills_its_worker_is_left_undone_and_the_others_are_done():
 
 def freeze_once(pid: int, folder: Path) -> None:
     """Stops the first worker process below `pid` as soon as a part has its receipt."""
-    while not list(folder.glob("part-*.json")):
+    while not list(folder.glob("_part-*.json")):
         time.sleep(0.01)
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     workers = [p for p in children if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]

@@ -15,13 +15,14 @@ import pyarrow.parquet as pq
 import pytest
 import rooms
 from click.testing import CliRunner
+from msgspec.structs import replace
 from PIL import Image
 
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.runner import fingerprints, limits, parts, plan, runs, stages, status, verify
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir, to_json
+from rsa_data.store.tables import Description, Made, WorkDir, to_json
 
 
 def captions(work: WorkDir, **how: object) -> runs.Summary:
@@ -37,7 +38,7 @@ def change_segments(work: WorkDir, number: int) -> None:
     changed = rows.set_column(
         at, rows.schema.field("label"), pa.array(labels, pa.list_(pa.string()))
     )
-    table.commit(number, changed, {**receipt, "fingerprint": "another"})
+    table.commit(number, changed, replace(receipt, fingerprint="another"))
     table.manifest(table.parts())
 
 
@@ -56,7 +57,7 @@ def test_a_changed_input_is_seen_and_only_its_part_is_made_again(tmp_path):
     assert [n for n in table.parts() if table.receipt(n) != before[n]] == [2]
     assert verify.verify(work, said.append) == 0
     files = [name for name in work.store.list(table.path) if name.endswith(".parquet")]
-    assert sorted(files) == sorted(table.receipt(n)["file"] for n in table.parts())
+    assert sorted(files) == sorted(table.receipt(n).file for n in table.parts())
 
 
 def test_what_was_made_from_something_out_of_date_is_out_of_date(tmp_path):
@@ -64,16 +65,23 @@ def test_what_was_made_from_something_out_of_date_is_out_of_date(tmp_path):
     captions(work)
     made_from = {n: work.table("rooms", "captions/occupancy").receipt(n) for n in (0, 1)}
     embeddings = work.table("rooms", "embeddings/occupancy/minilm")
-    about = {"stage": "embed", "stage_version": stages.stage("embed").version, "options": {}}
-    embeddings.bind({**about, "schema": "embeddings", "inputs": ["captions/occupancy"]})
+    version = stages.stage("embed").version
+    embeddings.bind(
+        Description(
+            stage="embed",
+            stage_version=version,
+            schema="embeddings",
+            inputs=["captions/occupancy"],
+        )
+    )
     rows = {"text_id": [b"0" * 16], "n_tokens": [1], "truncated": [False]}
     feature = pa.array([b"\0\0"], pa.binary(2))
     field = pa.field("embedding", feature.type, False, {"dtype": "float16", "shape": "1"})
     made = schemas.from_columns("embeddings", {**rows, "embedding": (field, feature)})
     counts = {"ok": 1, "failed": 0, "skipped": 0, "split": "train", "fingerprint": "f"}
     for number in (0, 1):
-        source = {"captions/occupancy": made_from[number]["digest"]}
-        embeddings.commit(number, made, {**counts, "inputs": source})
+        source = {"captions/occupancy": made_from[number].digest}
+        embeddings.commit(number, made, Made(**counts, inputs=source))
     assert status.outdated(work, embeddings) == set()
     change_segments(work, 1)
     assert status.outdated(work, embeddings) == {1}
@@ -117,11 +125,11 @@ def test_parts_written_by_another_parquet_library_stay(tmp_path):
         )
         data = older.read_bytes()
         name = f"part-{number:05d}-{'0' * 12}.parquet"
-        (path / receipt["file"]).unlink()
+        (path / receipt.file).unlink()
         older.rename(path / name)
         sha256 = hashlib.sha256(data).hexdigest()
-        changed = {**receipt, "file": name, "bytes": len(data), "sha256": sha256}
-        table.store.write(f"{table.path}/part-{number:05d}.json", to_json(changed))
+        changed = replace(receipt, file=name, bytes=len(data), sha256=sha256)
+        table.store.write(f"{table.path}/_part-{number:05d}.json", to_json(changed))
     assert (summary := captions(work)).done == 2 and summary.kept == 2
     said: list[str] = []
     assert verify.verify(work, said.append) == 0, said
@@ -129,8 +137,8 @@ def test_parts_written_by_another_parquet_library_stay(tmp_path):
     other = rooms.made(tmp_path / "other")
     captions(other)
     new = other.table("rooms", "captions/occupancy")
-    assert [table.receipt(n)["digest"] for n in table.parts()] == [
-        new.receipt(n)["digest"] for n in new.parts()
+    assert [table.receipt(n).digest for n in table.parts()] == [
+        new.receipt(n).digest for n in new.parts()
     ]
 
 
@@ -138,13 +146,13 @@ def test_verify_finds_each_kind_of_damage(tmp_path):
     work = rooms.made(tmp_path)
     captions(work)
     table = work.table("rooms", "captions/occupancy")
-    files = {n: tmp_path / table.path / table.receipt(n)["file"] for n in table.parts()}
+    files = {n: tmp_path / table.path / table.receipt(n).file for n in table.parts()}
     data = bytearray(files[0].read_bytes())
     data[len(data) // 2] ^= 1
     files[0].write_bytes(data)
     files[1].unlink()
-    receipt = {**table.receipt(2), "ok": 49, "skipped": 1}
-    table.store.write(f"{table.path}/part-00002.json", to_json(receipt))
+    receipt = replace(table.receipt(2), ok=49, skipped=1)
+    table.store.write(f"{table.path}/_part-00002.json", to_json(receipt))
     said: list[str] = []
     assert verify.verify(work, said.append) == 4
     text = "\n".join(said)
@@ -175,7 +183,7 @@ def test_recompute_names_what_comes_out_otherwise(tmp_path):
 def test_inputs_that_are_not_those_of_the_stage_are_named(tmp_path):
     work = rooms.made(tmp_path, parts=1)
     captions(work)
-    path = tmp_path / "rooms" / "captions" / "occupancy" / "table.json"
+    path = tmp_path / "rooms" / "captions" / "occupancy" / "_table.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "inputs": ["samples"]}))
     with pytest.raises(RsaDataError, match="expected the inputs of the stage captions, found"):
         verify.recompute(work, 1, str)
@@ -275,7 +283,7 @@ def test_failed_rows_are_tried_again_on_request(tmp_path):
     captions(work)
     table = work.table("rooms", "captions/occupancy")
     good = table.receipt(1)
-    table.store.write(f"{table.path}/part-00001.json", to_json({**good, "ok": 49, "failed": 1}))
+    table.store.write(f"{table.path}/_part-00001.json", to_json(replace(good, ok=49, failed=1)))
     with pytest.raises(RsaDataError):  # captions never fail: the table has no such column
         captions(work)
     job = rooms.captions_job(work)
@@ -305,11 +313,11 @@ def test_mended_inputs_are_taken_in_by_retry_failed(tmp_path):
         WorkDir(work).table("mine", name) for name in ("segments/labels", "captions/classes")
     )
     counts = ("ok", "failed", "skipped")
-    assert [segments.receipt(2)[k] for k in counts] == [1, 1, 0]
-    assert [captions_.receipt(2)[k] for k in counts] == [1, 0, 1]
+    assert [getattr(segments.receipt(2), k) for k in counts] == [1, 1, 0]
+    assert [getattr(captions_.receipt(2), k) for k in counts] == [1, 0, 1]
     (labels / "4.png").write_bytes(good.getvalue())
     out = call("retry-failed")
     assert "captions mine: 6 samples ok" in out
-    assert [segments.receipt(2)[k] for k in counts] == [2, 0, 0]
-    assert [captions_.receipt(2)[k] for k in counts] == [2, 0, 0]
+    assert [getattr(segments.receipt(2), k) for k in counts] == [2, 0, 0]
+    assert [getattr(captions_.receipt(2), k) for k in counts] == [2, 0, 0]
     assert call("retry-failed") == ""

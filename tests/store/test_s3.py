@@ -2,13 +2,14 @@
 
 import pytest
 import rooms
+from msgspec.structs import replace
 
 from rsa_data.common.errors import RsaDataError, TransientError
 from rsa_data.runner import runs, status, verify
 from rsa_data.runner.engines.pool import EngineOptions
 from rsa_data.store.s3 import S3Store
 from rsa_data.store.stores import open_store
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, WorkDir
 
 boto3 = pytest.importorskip("boto3")
 
@@ -44,7 +45,7 @@ def test_a_stage_gives_the_same_bytes_as_in_a_folder(place, tmp_path):
         summary = runs.run(rooms.captions_job(work), bar=rooms.NoBar)
         assert (summary.done, summary.rows) == (3, 3 * 50 * 5)
         table = work.table("rooms", "captions/occupancy")
-        files = [name for name in work.store.list(table.path) if name != "local.json"]
+        files = [name for name in work.store.list(table.path) if name != "_local.json"]
         kept[str(location)] = {name: work.store.read(f"{table.path}/{name}") for name in files}
         assert runs.run(rooms.captions_job(work), bar=rooms.NoBar).done == 0
         said: list[str] = []
@@ -108,17 +109,17 @@ def test_of_two_runs_at_once_the_first_receipt_stays(place, where, tmp_path):
     runs.run(rooms.captions_job(work), bar=rooms.NoBar)
     fast, slow = (work.table("rooms", "captions/occupancy") for _ in range(2))
     receipt, part = fast.receipt(0), fast.read(0)
-    fast.store.delete(f"{fast.path}/part-00000.json")
+    fast.store.delete(f"{fast.path}/_part-00000.json")
     slow.store = Slow(slow.store, lambda: fast.commit(0, part, receipt))
     # Another CPU type may give other bits from the same input: what is there first stays.
     assert slow.commit(0, part.slice(5), receipt) == receipt == fast.receipt(0)
     names = fast.store.list(fast.path)
-    assert [name for name in names if name.endswith(".parquet")] == [receipt["file"]]
+    assert [name for name in names if name.endswith(".parquet")] == [receipt.file]
 
-    fast.store.delete(f"{fast.path}/part-00000.json")
+    fast.store.delete(f"{fast.path}/_part-00000.json")
     slow.store.other = lambda: fast.commit(0, part, receipt)
     with pytest.raises(TransientError, match="another run has just written part 0"):
-        slow.commit(0, part.slice(5), {**receipt, "fingerprint": "of another input"})
+        slow.commit(0, part.slice(5), replace(receipt, fingerprint="of another input"))
     assert fast.receipt(0) == receipt and fast.read(0, check=True).equals(part)
 
 
@@ -132,5 +133,5 @@ def test_a_server_that_stays_away_is_a_transient_error(place, weather, monkeypat
 
 def test_a_bucket_that_is_not_there_is_an_error(place):
     with pytest.raises(RsaDataError, match="NoSuchBucket") as caught:
-        WorkDir("s3://nowhere/x").table("a", "b").bind({"schema": "captions"})
+        WorkDir("s3://nowhere/x").table("a", "b").bind(Description(stage="x", schema="captions"))
     assert not isinstance(caught.value, TransientError)

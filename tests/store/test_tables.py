@@ -7,10 +7,11 @@ import sys
 import numpy as np
 import pyarrow as pa
 import pytest
+from msgspec.structs import replace
 
 from rsa_data.common.errors import RsaDataError
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir
 
 
 def embeddings(n: int = 3) -> pa.Table:
@@ -26,8 +27,8 @@ def embeddings(n: int = 3) -> pa.Table:
     )
 
 
-DESCRIPTION = {"schema": "embeddings", "stage": "embed", "options": {"encoder": "a"}, "inputs": []}
-COUNTS = {"ok": 3, "failed": 0, "skipped": 0, "split": "train", "fingerprint": "f"}
+DESCRIPTION = Description(schema="embeddings", stage="embed", options={"encoder": "a"})
+COUNTS = Made(ok=3, failed=0, skipped=0, split="train", fingerprint="f")
 
 
 @pytest.fixture
@@ -46,7 +47,7 @@ def test_a_committed_part_is_read_back_whole(table):
         schemas.embedding_array(table.read(7)), np.arange(12, dtype=np.float16).reshape(3, 4)
     )
     assert table.receipt(7) == receipt
-    assert receipt["rows"] == 3 and receipt["digest"] == schemas.digest(embeddings())
+    assert receipt.rows == 3 and receipt.digest == schemas.digest(embeddings())
 
 
 def test_the_same_part_gives_the_same_bytes(table, tmp_path):
@@ -54,13 +55,13 @@ def test_the_same_part_gives_the_same_bytes(table, tmp_path):
     again = table.commit(
         0, pa.concat_tables([embeddings().slice(0, 1), embeddings().slice(1)]), COUNTS
     )
-    assert first["digest"] == again["digest"]
-    assert table.commit(0, embeddings(), COUNTS)["sha256"] == first["sha256"]
+    assert first.digest == again.digest
+    assert table.commit(0, embeddings(), COUNTS).sha256 == first.sha256
 
 
 def test_without_a_receipt_a_part_is_not_done(table):
     table.commit(0, embeddings(), COUNTS)
-    table.store.delete(f"{table.path}/part-00000.json")
+    table.store.delete(f"{table.path}/_part-00000.json")
     assert table.parts() == []
     with pytest.raises(RsaDataError, match="part 0 is not done"):
         table.read(0)
@@ -68,7 +69,7 @@ def test_without_a_receipt_a_part_is_not_done(table):
 
 def test_a_part_of_another_size_is_refused(table):
     table.commit(0, embeddings(), COUNTS)
-    file = f"{table.path}/{table.receipt(0)['file']}"
+    file = f"{table.path}/{table.receipt(0).file}"
     data = table.store.read(file)
     table.store.write(file, data[:-1])
     with pytest.raises(RsaDataError, match=rf"expected {len(data)} bytes.*found {len(data) - 1}"):
@@ -76,16 +77,16 @@ def test_a_part_of_another_size_is_refused(table):
 
 
 def test_other_options_are_refused_by_name(table):
-    table.bind(DESCRIPTION | {"made_with": {"numpy": "another"}})
+    table.bind(replace(DESCRIPTION, made_with={"numpy": "another"}))
     with pytest.raises(RsaDataError, match=r'options.encoder: the table has "a", this run has "b"'):
-        table.bind(DESCRIPTION | {"options": {"encoder": "b"}})
+        table.bind(replace(DESCRIPTION, options={"encoder": "b"}))
 
 
 def test_start_over_leaves_nothing(table):
     table.commit(0, embeddings(), COUNTS)
     table.start_over()
     assert not table.exists() and table.parts() == []
-    table.bind(DESCRIPTION | {"options": {"encoder": "b"}})
+    table.bind(replace(DESCRIPTION, options={"encoder": "b"}))
 
 
 def test_manifest_only_when_all_parts_are_there(table):
@@ -93,7 +94,7 @@ def test_manifest_only_when_all_parts_are_there(table):
     assert table.manifest([0, 1]) is None
     table.commit(1, embeddings(), COUNTS)
     assert table.manifest([0, 1])["ok"] == 6
-    stored = json.loads(table.store.read(f"{table.path}/manifest.json"))
+    stored = json.loads(table.store.read(f"{table.path}/_manifest.json"))
     assert [receipt["part"] for receipt in stored["parts"]] == [0, 1]
 
 
@@ -103,7 +104,7 @@ def test_killed_at_any_moment_a_part_is_whole_or_not_there(tmp_path, moment):
     table.bind(DESCRIPTION)
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]);"
-        "from test_tables import *; from rsa_data.store.tables import WorkDir;"
+        "from test_tables import *; from rsa_data.store.tables import Description, Made, WorkDir;"
         "table = WorkDir(sys.argv[2]).table('rooms', 'embeddings/occupancy/a');"
         "table.commit(0, embeddings(), COUNTS)"
     )
@@ -119,7 +120,7 @@ def test_killed_at_any_moment_a_part_is_whole_or_not_there(tmp_path, moment):
     table.commit(0, embeddings(), COUNTS)
     assert table.read(0).equals(embeddings())
     left = [p.name for p in (tmp_path / table.path).iterdir()]
-    assert sorted(left) == [table.receipt(0)["file"], "part-00000.json", "table.json"]
+    assert sorted(left) == ["_part-00000.json", "_table.json", table.receipt(0).file]
 
 
 def test_a_full_disk_is_a_clear_error_and_keeps_what_was_there(table, monkeypatch):

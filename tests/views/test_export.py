@@ -12,7 +12,7 @@ from rsa_data.cli.main import cli
 from rsa_data.common.errors import UsageError
 from rsa_data.embeddings.embed import build
 from rsa_data.store import schemas
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir
 from rsa_data.views.export import export
 
 TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"]
@@ -34,9 +34,9 @@ def work(tmp_path, monkeypatch) -> WorkDir:
     }
     for name, (schema, table) in made.items():
         description = {"stage": "x", "schema": schema, "options": {"normalize": False}}
-        work.table("nyuv2", name).bind({**description, "files": {"weights": "ab12"}})
+        work.table("nyuv2", name).bind(Description(**description, files={"weights": "ab12"}))
         receipt = {"ok": 2, "failed": 0, "skipped": 0, "split": "train"}
-        work.table("nyuv2", name).commit(7, table, receipt)
+        work.table("nyuv2", name).commit(7, table, Made(**receipt))
     return work
 
 

@@ -149,9 +149,7 @@ def train_head(
         dataset = index.load_dataset(work, source.dataset)
         limits[source.dataset] = (dataset.min_depth, dataset.max_depth)
         samples = work.table(source.dataset, "samples")
-        chosen = [
-            n for n in samples.parts() if samples.receipt(n)["split"] not in dataset.test_splits
-        ]
+        chosen = [n for n in samples.parts() if samples.receipt(n).split not in dataset.test_splits]
         if not chosen:
             raise RsaDataError(
                 f"{source.dataset}: expected training images; found only the test splits "

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 import pyarrow.parquet as pq
 import torch
@@ -52,15 +53,20 @@ class Plan:
     options: dict[str, Any]
 
     @property
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> "Training":
         """What another run must share to be the same run."""
-        return {
-            "stage": "train-head",
-            "schema": "history",
-            "version": 1,
-            "options": {k: v for k, v in self.options.items() if k not in _LOCAL},
-            "inputs": self.digests,
-        }
+        options = {k: v for k, v in self.options.items() if k not in _LOCAL}
+        return Training(options=options, inputs=self.digests)
+
+
+class Training(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """_table.json of a head: what its training follows from; inputs : digests by dataset, table."""
+
+    stage: str = "train-head"
+    schema: str = "history"
+    version: int = 1
+    options: dict[str, Any]
+    inputs: dict[str, dict[str, str]]
 
 
 def run(
@@ -185,12 +191,12 @@ def describe(
         },
         # What found the objects, so that new images are described by the same.
         "segments": {
-            s.dataset: work.table(s.dataset, s.captions).description()["inputs"][0]
+            s.dataset: work.table(s.dataset, s.captions).description().inputs[0]
             for s in plan.sources
             if s.captions
         },
         "captions": {
-            s.dataset: work.table(s.dataset, s.captions).description()["options"]
+            s.dataset: work.table(s.dataset, s.captions).description().options
             for s in plan.sources
             if s.captions
         },

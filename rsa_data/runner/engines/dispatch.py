@@ -14,6 +14,7 @@ from typing import Any
 from ... import registry
 from ...common import progress
 from ...common.errors import RsaDataError, TransientError
+from ...store.tables import Description
 from .. import parts
 from ..jobs import Job
 from .pool import EngineOptions, Result, Task, WorkerPool, attempt
@@ -27,12 +28,12 @@ LATE_TIMES, LATE_AFTER = 10, 600.0
 
 _log = logging.getLogger(__name__)
 
-MakePool = Callable[[Job, dict[str, Any], EngineOptions], WorkerPool]
+MakePool = Callable[[Job, Description, EngineOptions], WorkerPool]
 
 
 def run(
     job: Job,
-    description: dict[str, Any],
+    description: Description,
     tasks: list[Task],
     options: EngineOptions,
     on_rows: Callable[[int], None] | None = None,

@@ -14,6 +14,7 @@ from typing import Any
 
 from ...common import progress
 from ...common.errors import RsaDataError
+from ...store.tables import Description
 from .. import parts
 from ..jobs import Job
 from .pool import EngineOptions, Task, WorkerEvent, attempt, portable
@@ -29,7 +30,7 @@ class Processes:
     moment.
     """
 
-    def __init__(self, job: Job, description: dict[str, Any], options: EngineOptions):
+    def __init__(self, job: Job, description: Description, options: EngineOptions):
         self.given = (job, description, options.memory)
         self.memory = options.memory
         if options.memory is not None:
@@ -101,7 +102,7 @@ def _without_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _work(pipe: Connection, job: Job, description: dict[str, Any], memory: int | None) -> None:
+def _work(pipe: Connection, job: Job, description: Description, memory: int | None) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if memory is not None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 from ...common.errors import RsaDataError, TransientError
+from ...store.tables import Description, Receipt
 from .. import parts
 from ..jobs import Job
 from ..stage import Step
@@ -49,7 +50,7 @@ class Result:
     """
 
     number: int
-    receipt: dict[str, Any] | None
+    receipt: Receipt | None
     error: Exception | None = None
     seconds: float = 0.0
     worker: str = ""
@@ -85,7 +86,7 @@ class WorkerPool(Protocol):
         """Ends all workers, whatever they do."""
 
 
-def attempt(job: Job, step: Step, description: dict[str, Any], task: Task) -> Result:
+def attempt(job: Job, step: Step, description: Description, task: Task) -> Result:
     """One part, in the process of a worker: commits it, or says why it stays undone."""
     begun = time.monotonic()
     receipt = None

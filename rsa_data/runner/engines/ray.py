@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...common.extras import extras
+from ...store.tables import Description
 from ..jobs import Job
 from . import ray_cluster
 from .pool import EngineOptions, Task, WorkerEvent, attempt, portable
@@ -24,7 +25,7 @@ class Actors:
     dataset's root under the same path (or both in S3).
     """
 
-    def __init__(self, job: Job, description: dict[str, Any], options: EngineOptions):
+    def __init__(self, job: Job, description: Description, options: EngineOptions):
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         with extras("--engine ray"):
             import ray as package
@@ -106,7 +107,7 @@ def _why(error: Exception) -> str:
 class _Worker:
     """Runs in an actor's process."""
 
-    def __init__(self, job: Job, description: dict[str, Any], memory: int | None):
+    def __init__(self, job: Job, description: Description, memory: int | None):
         self.given = (job, description, memory)
 
     def begin(self) -> tuple[str, Any]:

@@ -62,7 +62,7 @@ def _choose(
     """(sample, segments row) of rows that lie evenly over the finished parts."""
     table, samples = work.table(dataset, name), work.table(dataset, "samples")
     parts = table.parts()
-    sizes = [table.receipt(number)["rows"] for number in parts]
+    sizes = [table.receipt(number).rows for number in parts]
     ends = np.cumsum(sizes)
     total = int(ends[-1]) if parts else 0
     rows = np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(int))

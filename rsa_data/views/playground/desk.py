@@ -59,7 +59,7 @@ def sample_ids(models: Models, most: int = 40) -> list[str]:
         )
         if not depth.exists():
             continue
-        tests = [n for n in depth.parts() if depth.receipt(n)["split"] != "train"]
+        tests = [n for n in depth.parts() if depth.receipt(n).split != "train"]
         for number in tests[:3]:
             ids = samples.read(number, ["sample_id"])["sample_id"].to_pylist()
             found += ids[:: max(1, len(ids) * len(tests[:3]) // most)]

@@ -3,6 +3,7 @@
 from collections import Counter
 from typing import Any
 
+import msgspec
 import pyarrow.compute as pc
 
 from ...common import html
@@ -10,7 +11,7 @@ from ...common.html import Html, tag
 from ...common.units import duration, size
 from ...runner.status import stale
 from ...store import logs
-from ...store.tables import Table, WorkDir
+from ...store.tables import Receipt, Table, WorkDir
 
 _REASONS, _NAMED = 8, 4
 # Failed parts looked into for reasons, a table; the counts themselves are of all parts.
@@ -28,13 +29,16 @@ def lineage(work: WorkDir) -> Html:
             table = work.table(dataset, name)
             about = table.description()
             receipts = [table.receipt(n) for n in table.parts()]
-            count = {k: sum(r[k] for r in receipts) for k in ("ok", "failed", "skipped", "bytes")}
+            count = {
+                k: sum(getattr(r, k) for r in receipts)
+                for k in ("ok", "failed", "skipped", "bytes")
+            }
             rate, seconds = _times(work, dataset, name)
             rows.append(
                 [
                     dataset,
                     name,
-                    ", ".join(about["inputs"]) or "files",
+                    ", ".join(about.inputs) or "files",
                     *(f"{count[k]:,}" for k in ("ok", "failed", "skipped")),
                     size(count["bytes"]),
                     duration(seconds) if seconds is not None else "",
@@ -42,8 +46,8 @@ def lineage(work: WorkDir) -> Html:
                     stale(work, table) or "up to date",
                 ]
             )
-            versions |= about.get("made_with", {})
-            details.append(_options(f"{dataset} / {name}", about))
+            versions |= about.made_with or {}
+            details.append(_options(f"{dataset} / {name}", msgspec.to_builtins(about)))
             if count["failed"] or count["skipped"]:
                 failures.append(_reasons(table, receipts))
     header = ["dataset", "table", "made from", "rows ok", "failed", "skipped", "size",
@@ -94,13 +98,13 @@ def _options(title: str, about: dict[str, Any]) -> Html:
     return tag("details", tag("summary", title), tag("dl", items))
 
 
-def _reasons(table: Table, receipts: list[dict[str, Any]]) -> Html:
+def _reasons(table: Table, receipts: list[Receipt]) -> Html:
     """Why rows failed or were skipped, how often, and the first samples of each reason."""
     if "error" not in _columns(table):
-        skipped = sum(r["skipped"] for r in receipts)
+        skipped = sum(r.skipped for r in receipts)
         return tag("p", tag("strong", table.path), f": {skipped:,} rows skipped, as their input "
                    "did not end well.")  # fmt: skip
-    bad = [r["part"] for r in receipts if r["failed"] or r["skipped"]]
+    bad = [r.part for r in receipts if r.failed or r.skipped]
     counted: Counter[str] = Counter()
     named: dict[str, list[str]] = {}
     for number in bad[:: -(-len(bad) // _LOOKED)]:
@@ -123,7 +127,7 @@ def _reasons(table: Table, receipts: list[dict[str, Any]]) -> Html:
 def _columns(table: Table) -> list[str]:
     from ...store import schemas
 
-    names: list[str] = schemas.schema(table.description()["schema"]).names
+    names: list[str] = schemas.schema(table.description().schema).names
     return names
 
 

@@ -52,7 +52,7 @@ def choose(work: WorkDir, dataset: str, count: int, wanted: str | None) -> list[
     table = work.table(dataset, "samples")
     splits: dict[str, list[int]] = {}
     for number in table.parts():
-        splits.setdefault(table.receipt(number)["split"], []).append(number)
+        splits.setdefault(table.receipt(number).split, []).append(number)
     found: list[Sample] = []
     for numbers in splits.values():
         chosen = spread(numbers, _PARTS)
@@ -93,7 +93,7 @@ def one(work: WorkDir, sample_id: str, wanted: str | None = None) -> Sample:
 def _with_failures(work: WorkDir, dataset: str, numbers: list[int]) -> list[int]:
     tables = [work.table(dataset, name) for name in work.tables(dataset)]
     done = [(t, set(t.parts())) for t in tables]
-    return [n for n in numbers if any(n in d and t.receipt(n)["failed"] for t, d in done)]
+    return [n for n in numbers if any(n in d and t.receipt(n).failed for t, d in done)]
 
 
 class _Head(NamedTuple):
@@ -169,7 +169,7 @@ def _failures(work: WorkDir, dataset: str, number: int, names: list[str]) -> dic
     found: dict[str, list[str]] = {}
     for name in names:
         table = work.table(dataset, name)
-        if name.startswith(("segments/", "depth/")) and table.receipt(number)["failed"]:
+        if name.startswith(("segments/", "depth/")) and table.receipt(number).failed:
             rows = table.read(number, ["sample_id", "status", "error"])
             for row in rows.filter(pc.equal(rows["status"], "failed")).to_pylist():
                 found.setdefault(row["sample_id"], []).append(f"{name}: {row['error']}")

@@ -150,8 +150,8 @@ def _paper(
     for dataset in dict.fromkeys(row["dataset"] for row in rows):
         model = head_description(work, name).get("depth_model", {}).get("model")
         try:
-            options = work.table(dataset, f"depth/{model}").description()["options"]
-            kind = work.table(dataset, "samples").description()["options"]["dataset"]
+            options = work.table(dataset, f"depth/{model}").description().options
+            kind = work.table(dataset, "samples").description().options["dataset"]
         except (RsaDataError, KeyError):
             continue
         theirs, notes = paper_rows(

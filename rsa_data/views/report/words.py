@@ -77,7 +77,7 @@ def _captions(work: WorkDir, table: Table) -> list[Html]:
         return []
     rows = pa.concat_tables(read)
     tokens = rows["n_tokens"].to_numpy()
-    options = table.description()["options"]
+    options = table.description().options
     limit = options.get("max_tokens") or _limit(options.get("tokenizer", "clip"))
     title = f"{table.path}: tokens in a caption, {_of(table, len(tokens), 'captions')}"
     mark = (limit, f"limit {limit}") if limit else None
@@ -111,8 +111,8 @@ def _duplicates(work: WorkDir, table: Table) -> list[str]:
             continue
         other = work.table(table.dataset, name)
         both = sorted(set(table.parts()) & set(other.parts()))
-        texts = sum(table.receipt(n)["rows"] for n in both)
-        distinct = sum(other.receipt(n)["rows"] for n in both)
+        texts = sum(table.receipt(n).rows for n in both)
+        distinct = sum(other.receipt(n).rows for n in both)
         if texts:
             said.append(
                 f"{name}: {distinct:,} distinct texts of {texts:,} were encoded; "
