@@ -9,8 +9,7 @@ import pytest
 import rooms
 
 from rsa_data.common.errors import RsaDataError
-from rsa_data.runner import chains, runs, status, verify
-from rsa_data.runner.stages import job
+from rsa_data.runner import chains, jobs, runs, stages, status, verify
 from rsa_data.store.tables import WorkDir
 
 HELPERS = ("table.json", "manifest.json", "local.json", "part-00000.json", "part-00001.json")
@@ -55,8 +54,9 @@ def test_a_work_dir_of_version_0_1_is_read_verified_and_continued(work, tmp_path
     assert work.table("rooms", "captions/occupancy").receipt(1) == before
     assert not list((tmp_path / "work" / "rooms").rglob("_*"))
     # A new table in an old work dir has the new names.
-    embed = job(work, "embed", "rooms", {"encoder": "minilm"}, upstream="captions/occupancy")
-    runs.run(embed, bar=rooms.NoBar)
+    embed = stages.bind("embed", {"encoder": "minilm"})
+    job = jobs.job(work, embed, "rooms", upstream="captions/occupancy")
+    runs.run(job, bar=rooms.NoBar)
     assert verify.verify(work, lambda text: None) == 0
     made = [path.name for path in (tmp_path / "work/rooms/embeddings").rglob("*.json")]
     assert sorted({*made}) == sorted(f"_{name}" for name in HELPERS)
