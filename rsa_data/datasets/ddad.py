@@ -1,6 +1,5 @@
 """DDAD: streets with six cameras and long-range LiDAR, in TRI's DGP format."""
 
-import json
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from ..common import bounded
 from ..common.errors import RowError, RsaDataError
 from .dataset import Dataset
 from .dgp import project, read_points, read_scene
@@ -81,7 +81,7 @@ def _scenes(root: Path) -> Iterator[tuple[str, Path]]:
         yield from (("train", path) for path in sorted(root.glob("*/scene_*.json")))
         return
     try:
-        splits = json.loads(listing.read_text("utf-8"))["scene_splits"]
+        splits = bounded.read_json(listing)["scene_splits"]
         named = [
             (_SPLITS[number], name)
             for number in sorted(splits)

@@ -5,7 +5,7 @@ points fall on one pixel the nearer one is kept, not the later one.
 """
 
 import io
-import json
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from ..common import bounded
 from ..common.errors import RowError, RsaDataError
 from .images import read_bytes, reason
 from .listing import inside
+from .pixel_files import check_header
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def read_scene(path: Path) -> tuple[View, ...]:
 
 
 def _views(path: Path) -> Iterator[View]:
-    scene = json.loads(path.read_text("utf-8"))
+    scene = bounded.read_json(path)
     data = {entry["key"]: entry for entry in scene["data"]}
     where = f"ddad: {path}"
     for sample in scene["samples"]:
@@ -86,7 +88,7 @@ def _views(path: Path) -> Iterator[View]:
 
 def _calibration(path: Path) -> dict[str, tuple[float, float, float, float, float]]:
     """Intrinsics by the name of the sensor. Images are rectified: distortion is refused."""
-    known = json.loads(path.read_text("utf-8"))
+    known = bounded.read_json(path)
     cameras = {}
     for name, given in zip(known["names"], known["intrinsics"], strict=True):
         fx, fy, cx, cy, skew = (float(given[k]) for k in ("fx", "fy", "cx", "cy", "skew"))
@@ -121,8 +123,14 @@ def _transform(pose: dict[str, Any]) -> np.ndarray:
 def read_points(path: Path) -> np.ndarray:
     """float64 of shape (n, 3): x, y, z in m in the LiDAR's frame. RowError when unreadable."""
     try:
-        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as file:
-            points = np.asarray(file["data"], np.float64)
+        with zipfile.ZipFile(io.BytesIO(read_bytes(path))) as archive:
+            size = archive.getinfo("data.npy").file_size
+            if size > bounded.limit("image"):
+                raise bounded.over("image", size)
+            with archive.open("data.npy") as file:
+                check_header(file, size)
+            with archive.open("data.npy") as file:
+                points = np.lib.format.read_array(file, allow_pickle=False).astype(np.float64)
         if points.ndim != 2 or points.shape[1] < 3:
             raise ValueError(f"data of shape {points.shape}")
     except RowError:

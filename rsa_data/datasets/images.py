@@ -7,14 +7,15 @@ works in threads, and raises on a truncated file where OpenCV may return what it
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import re
-import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
+from ..common import bounded
 from ..common.errors import RowError, TransientError
 from .roots import RemotePath
 
@@ -72,6 +73,8 @@ def image_size(path: Path) -> tuple[int, int]:
         if isinstance(path, RemotePath):
             with contextlib.suppress(RowError):  # where the header is longer, or at the end
                 return _size(io.BytesIO(path.read_head(_HEADER)))
+        if isinstance(path, Path):
+            bounded.check_file(path)
         with path.open("rb") as file:
             return _size(file)
     except OSError as error:
@@ -87,14 +90,11 @@ def _size(file: BinaryIO) -> tuple[int, int]:
 def read_bytes(path: Path) -> bytes:
     """The bytes of a file of the dataset.
 
-    Raises RowError when there is no such file, TransientError when the file system fails.
+    Raises RowError when there is no such file, or one of more bytes than the limit `image` of
+    common.bounded; TransientError when the file system fails.
     """
     try:
-        # A pipe would be waited for without end.
-        far = isinstance(path, RemotePath)
-        if not far and not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
-            raise RowError("expected a file, found a pipe, socket or device")
-        return path.read_bytes()
+        return bounded.read(path, "image")
     except OSError as error:
         raise _file_error(error, path) from error
 
@@ -109,6 +109,10 @@ def _file_error(error: OSError, path: Path) -> RowError | TransientError:
         return RowError(MISSING)
     if isinstance(error, IsADirectoryError):
         return RowError("expected a file, found a directory")
+    if isinstance(error, bounded.Refused):
+        return RowError(str(error))
+    if error.errno in (errno.ELOOP, errno.ENAMETOOLONG):
+        return RowError(f"cannot be read: {error.strerror}")
     return TransientError(f"{path}: {error.strerror}; the part can be run again")
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from ..common import bounded
 from ..common.errors import RsaDataError
 from . import bts
 from .dataset import Dataset
@@ -126,7 +127,7 @@ def read_camera(path: Path, number: str) -> tuple[float, float, float, float]:
     The line is P_rect_NN, a 3 x 4 matrix row by row. Raises RsaDataError when it is not there.
     """
     start = f"P_rect_{number}:"
-    text = path.read_text("utf-8", errors="replace")
+    text = bounded.read(path, "text").decode("utf-8", "replace")
     for line in text.splitlines():
         if line.startswith(start):
             try:

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
 
+from ..common import bounded
 from ..common.errors import RsaDataError
 from ..common.forms import is_path
 from ..store import schemas
@@ -154,15 +155,10 @@ def stem(path: str) -> str:
 def lines(path: Path, name: str) -> Iterator[tuple[str, list[str]]]:
     """(where, fields) of each line of a text file that is not blank; where is "file line N".
 
-    Raises RsaDataError when the file is missing or not UTF-8 text.
+    Raises RsaDataError when the file is missing, too large or not UTF-8 text.
     """
     try:
-        text = path.read_text("utf-8")
-    except UnicodeDecodeError as error:
-        raise RsaDataError(
-            f"{name}: {path}: expected UTF-8 text, found byte {error.object[error.start]:#x} at "
-            f"offset {error.start}"
-        ) from error
+        text = bounded.read_text(path)
     except OSError as error:
         raise RsaDataError(
             f"{name}: {path}: expected a text file, found: {error.strerror}; {guide(name)}"

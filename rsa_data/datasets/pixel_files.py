@@ -1,9 +1,11 @@
 """Files whose pixels are numbers, not colours (depth, label maps, id maps): PNG and .npy."""
 
 import io
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -70,9 +72,10 @@ def read_npy(path: Path) -> np.ndarray:
 
     Raises RowError, without the path, for a file that is missing, broken or holds anything else.
     """
-    data = io.BytesIO(read_bytes(path))
+    data = read_bytes(path)
     try:
-        values: np.ndarray = np.lib.format.read_array(data, allow_pickle=False)
+        check_header(io.BytesIO(data), len(data))
+        values: np.ndarray = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
     except MemoryError:
         raise
     except Exception as error:  # a damaged header raises anything from SyntaxError to MemoryError
@@ -86,6 +89,21 @@ def read_npy(path: Path) -> np.ndarray:
             f"{values.shape}"
         )
     return squeezed
+
+
+def check_header(file: IO[bytes], size: int) -> None:
+    """Raises ValueError when a .npy file of `size` bytes announces more numbers than it holds.
+
+    Memory for them would be taken before the first one is read.
+    """
+    version = np.lib.format.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"format {version[0]}.{version[1]}; expected 1.0 or 2.0")
+    first = version == (1, 0)
+    read = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(file)
+    if math.prod(shape) * dtype.itemsize > size:
+        raise ValueError(f"its header announces {shape} of {dtype}, which {size:,} bytes cannot be")
 
 
 def float32(values: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Images of every kind and damage, against Pillow's and OpenCV's own conversions."""
 
 import io
+import os
 import struct
 import zlib
 
@@ -201,10 +202,25 @@ def test_directories_and_missing_files_are_row_errors(tmp_path, read):
 
 @pytest.mark.parametrize("read", [read_image, image_size])
 def test_a_failing_file_system_is_transient(tmp_path, read):
-    loop = tmp_path / "loop.jpg"
-    loop.symlink_to(loop)  # ELOOP: neither missing nor a directory
+    broken = tmp_path / "broken.jpg"
+    broken.symlink_to("/proc/self/mem")  # reading its beginning is an I/O error
     with pytest.raises(TransientError, match="can be run again"):
+        read(broken)
+
+
+@pytest.mark.parametrize("read", [read_image, image_size])
+def test_a_link_to_itself_is_a_failed_row(tmp_path, read):
+    loop = tmp_path / "loop.jpg"
+    loop.symlink_to(loop)
+    with pytest.raises(RowError, match="cannot be read"):
         read(loop)
+
+
+def test_a_file_of_20_gb_is_a_failed_row(tmp_path):
+    path = put(tmp_path, JPEG)
+    os.truncate(path, 20 << 30)
+    with pytest.raises(RowError, match=r"expected at most 512\.0 MB, found 21\.5 GB; RSA_DATA_L"):
+        read_image(path)
 
 
 def test_max_pixels_is_an_option(tmp_path):
