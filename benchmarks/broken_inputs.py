@@ -338,9 +338,9 @@ def main() -> int:
 
         whole = write_images(base / "images", each, images, chance)
         if given.model:
-            source = ("--source", "yolox-nano", "--model", given.model)
+            source = ("--segments", "yolox-nano", "--segmenter-weights", given.model)
         else:
-            source = ("--source", f"labels:{base}/images/{{path}}.jpg", "--names", "nyu13")
+            source = ("--segments", f"labels:{base}/images/{{path}}.jpg", "--names", "nyu13")
             whole = set()
         ended = call(
             "detect", "--dataset", "folder:images", "--root", base / "images", *source, *at
@@ -349,7 +349,7 @@ def main() -> int:
         bad += judge("images", ended, "images", table, whole)
 
         whole = write_labels(base / "maps", each, images, chance)
-        source = ("--source", f"labels:{base}/maps/labels/{{stem}}.png", "--names", "nyu13")
+        source = ("--segments", f"labels:{base}/maps/labels/{{stem}}.png", "--names", "nyu13")
         options = ("--dataset-option", "images=images")
         ended = call(
             "detect", "--dataset", "folder:maps", "--root", base / "maps", *options, *source, *at

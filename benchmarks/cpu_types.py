@@ -127,7 +127,7 @@ def depth() -> pa.Table:
 
     weights = SHARED / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx"
     data = folder(depth="x", depth_unit="mm")
-    step = build(dataset=data, root=SHARED / "rgbd", depth_model="tu2020", weights=weights)
+    step = build(dataset=data, root=SHARED / "rgbd", depth_model="tu2020", depth_weights=weights)
     return step(samples(IMAGES[:1], depth="nyuv2/sync_depth_00000.png"))
 
 
@@ -136,7 +136,7 @@ def segments(source: str, file: str) -> pa.Table:
     from rsa_data.segments.detect import build
 
     model = SHARED / "models" / file
-    step = build(dataset=folder(), root=SHARED / "rgbd", source=source, model=model)
+    step = build(dataset=folder(), root=SHARED / "rgbd", segments=source, segmenter_weights=model)
     return step(samples(IMAGES))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from rsa_data.cli.main import COMMANDS, Group, cli
+from rsa_data.cli.main import Group, cli, names
 from rsa_data.store import schemas
 
 HERE = Path(__file__).parent
@@ -83,7 +83,7 @@ def commands() -> str:
     parts.append(f"```text\n{_help(cli, 'rsa-data')}\n```\n")
     assert isinstance(cli, Group)
     context = click.Context(cli, info_name="rsa-data")
-    for name in COMMANDS:
+    for name in names():
         command = cli.get_command(context, name)
         assert command is not None
         parts.append(f"## {name}\n\n```text\n{_help(command, f'rsa-data {name}')}\n```\n")

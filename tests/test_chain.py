@@ -77,9 +77,9 @@ def test_seven_scenes_job(shared, tmp_path):
         "--root",
         f"7scenes={shared}/rgbd/7scenes",
         "--set",
-        f"detect.model={shared}/models/yolox_nano.onnx",
+        f"detect.segmenter_weights={shared}/models/yolox_nano.onnx",
         "--set",
-        f"depth.weights={shared}/models/tu2020_mbv2_blconv7dw_nyu_224.onnx",
+        f"depth.depth_weights={shared}/models/tu2020_mbv2_blconv7dw_nyu_224.onnx",
     )
     work = WorkDir(tmp_path)
     for table in work.tables("7scenes"):

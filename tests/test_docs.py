@@ -97,8 +97,8 @@ def test_tutorial_on_own_images_runs_with_other_models(tmp_path, shared):
         depth = frame.with_name(frame.name.replace("color.jpg", "depth.png"))
         shutil.copy(depth, tmp_path / f"kitchen/depth/{n:04d}.png")
     models = shared / "models"
-    detector = f"--source yolox-nano --model {models}/yolox_nano.onnx"
-    depth = f"--depth-model tu2020 --weights {models}/tu2020_mbv2_blconv7dw_nyu_224.onnx"
+    detector = f"--segments yolox-nano --segmenter-weights {models}/yolox_nano.onnx"
+    depth = f"--depth-model tu2020 --depth-weights {models}/tu2020_mbv2_blconv7dw_nyu_224.onnx"
     script = runnable("docs/tutorial-own.md", "own")
     script = script.replace(VARIABLES["DETECTOR"], detector).replace(VARIABLES["DEPTH"], depth)
     shell(script, tmp_path)

@@ -18,7 +18,7 @@ TABLES = {
     "encoder": registry.ENCODERS,
     "depth model": registry.DEPTH_MODELS,
     "head": registry.HEADS,
-    "command": main.COMMANDS,
+    "command": {name: target for name, (target, _) in main.COMMANDS.items()},
     "step": registry.STEPS,
     "engine": registry.ENGINES,
     "collection": registry.COLLECTIONS,

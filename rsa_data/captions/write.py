@@ -207,7 +207,9 @@ STAGE = Stage(
     name="captions",
     version=1,
     build=build,
-    help="""Write captions of what each image shows; index and detect first where needed.
+    help="""Write captions of what each image shows.
+
+    The dataset is indexed and its segments are made first where that has not been done.
 
     \b
       rsa-data captions --dataset nyuv2

@@ -2,12 +2,13 @@
 
 import sys
 import time
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING
 
 from ..common.units import duration as duration
 from ..common.units import size as size
-from ..runner.runs import Bar, Summary
+
+if TYPE_CHECKING:
+    from ..runner.runs import Bar, Summary
 
 
 class Lines:
@@ -41,15 +42,22 @@ def print_error(text: str) -> None:
     sys.stderr.flush()
 
 
-def bar(title: str, total: int) -> Bar:
+def warn(text: str) -> None:
+    """One line to standard error that begins with `warning:`."""
+    print_error(f"warning: {text}")
+
+
+def bar(title: str, total: int) -> "Bar":
     """A progress bar with rate and time left on a terminal, plain lines elsewhere."""
     if sys.stderr.isatty():
+        from tqdm import tqdm
+
         shown: Bar = tqdm(total=total, desc=title, unit=" rows", smoothing=0.1, leave=False)
         return shown
     return Lines(title, total)
 
 
-def summary_lines(stage: str, dataset: str, summary: Summary) -> list[str]:
+def summary_lines(stage: str, dataset: str, summary: "Summary") -> list[str]:
     """The summary of a stage over one dataset, in plain sentences."""
     unit = summary.noun
     accounted = f"{summary.ok:,} {unit} ok"

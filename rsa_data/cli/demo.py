@@ -17,15 +17,16 @@ _SHOWN = 4
 
 
 @click.command()
-@click.option("--work", default="work/demo", show_default=True, help="Folder of all that is made.")
+@click.option("--work", default="work/demo", show_default=True, help="Work dir to write to.")
 def demo(work: str) -> None:
-    """Run everything on synthetic rooms and streets: no download, under three minutes.
+    """Run the whole chain on synthetic scenes.
 
     \b
       rsa-data demo
 
-    Renders scenes, imports their segments, writes captions, embeds them with a sentence encoder
-    whose weights came with the package, trains a head and a control whose captions are shuffled,
+    No download is needed; it takes under three minutes on two cores. Renders scenes, imports their
+    segments, writes captions, embeds them with a sentence encoder whose weights came with the
+    package, trains a head and a control whose captions are shuffled,
     measures both on held-out scenes, and draws a sheet of predictions.
     """
     begun = time.monotonic()

@@ -5,13 +5,14 @@ from typing import Any
 
 import click
 
-from ..common.options import click_options
+from ..common.options import call
 from ..evaluation.evaluate import evaluate as evaluate_function
 from ..heads.predict.predict import predict as predict_function
 from ..heads.released import import_head as import_function
 from ..heads.train.train_head import train_head as train_head_function
 from ..store.tables import WorkDir
 from . import console
+from .options import click_options
 from .shared import say_next, work_option
 
 
@@ -19,12 +20,12 @@ from .shared import say_next, work_option
 @work_option
 @click_options(train_head_function)
 def train_head(work: str, **options: Any) -> None:
-    """Train the head that turns a caption's embedding into scale and shift.
+    """Train a head that predicts scale and shift from a caption's embedding.
 
     \b
       rsa-data train-head --head mlp5 --name nyu
     """
-    result = train_head_function(WorkDir(work), bar=console.bar, **options)
+    result = call(train_head_function, WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
     say_next(WorkDir(work), f"evaluate --head {options['name']}")
 
@@ -33,12 +34,14 @@ def train_head(work: str, **options: Any) -> None:
 @work_option
 @click_options(evaluate_function)
 def evaluate(work: str, **options: Any) -> None:
-    """Measure a head on the test splits, beside oracles and constants.
+    """Measure a head on the test splits.
+
+    Oracles and constants are measured beside it.
 
     \b
       rsa-data evaluate --head nyu
     """
-    result = evaluate_function(WorkDir(work), bar=console.bar, **options)
+    result = call(evaluate_function, WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
     say_next(
         WorkDir(work), f'predict --head {options["head"]} --caption "a small bathroom with a sink"'
@@ -49,13 +52,13 @@ def evaluate(work: str, **options: Any) -> None:
 @work_option
 @click_options(predict_function)
 def predict(work: str, **options: Any) -> None:
-    """Scale and shift of a caption or image; with --out, its metric depth.
+    """Predict metric depth of photos or captions.
 
     \b
       rsa-data predict --head nyu --caption "a small bathroom with a sink"
       rsa-data predict --head nyu --image room.jpg --known 320,240,2.5 --out room.png
     """
-    click.echo(predict_function(WorkDir(work), **options).summary)
+    click.echo(call(predict_function, WorkDir(work), **options).summary)
 
 
 @click.command("import-head")
@@ -68,9 +71,11 @@ def import_head(work: str, file: Path, **options: Any) -> None:
     \b
       rsa-data import-head da_lanscale.pt --name released
     """
-    where, description = import_function(WorkDir(work), file, **options)
+    where, description = call(import_function, WorkDir(work), file, **options)
     click.echo(f"head {where}: {description['architecture']['name']}")
     for name, measures in description["imported"]["measures"].items():
         numbers = "  ".join(f"{key} {value:.4f}" for key, value in measures.items())
         click.echo(f"  its own test measures, {name}: {numbers}")
-    say_next(WorkDir(work), f"predict --head {Path(where).name} --weights CLIP --caption TEXT")
+    say_next(
+        WorkDir(work), f"predict --head {Path(where).name} --encoder-weights CLIP --caption TEXT"
+    )

@@ -18,7 +18,9 @@ from .shared import work_option
 @click.command("status")
 @work_option
 def status(work: str) -> None:
-    """What stands in a work dir: parts, rows, failures, sizes, and what is out of date.
+    """Show the tables and heads of a work dir.
+
+    For each table: parts, rows, failures, size, and whether it is out of date.
 
     \b
       rsa-data status
@@ -33,10 +35,10 @@ def status(work: str) -> None:
     "--recompute",
     default=0,
     metavar="N",
-    help="Also make N random parts of each table again and compare.",
+    help="Also compute N random parts of each table again and compare them.",
 )
 def verify(work: str, recompute: int) -> None:
-    """Read every part again and hold it against its receipt.
+    """Read every part again and check it.
 
     \b
       rsa-data verify
@@ -47,7 +49,7 @@ def verify(work: str, recompute: int) -> None:
         problems += checks.recompute(WorkDir(work), recompute, click.echo)
     if problems:
         raise RsaDataError(
-            f"{problems} problems found. To make a bad part anew, delete its receipt "
+            f"{problems} problems found. To make a bad part again, delete its receipt "
             "(WORK/DATASET/TABLE/_part-NNNNN.json) and run the command of its table again"
         )
 
@@ -55,14 +57,16 @@ def verify(work: str, recompute: int) -> None:
 @click.command()
 @work_option
 @click.argument("sample_id")
+@click.option("--head", help="Head that predicts; by default one that was trained on the dataset.")
 @click.option(
-    "--head", help="Head that predicts; one that was trained on the dataset if not given."
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("sample.png"), show_default=True
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("sample.png"),
+    show_default=True,
+    help="Picture file to write.",
 )
 def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
-    """Draw one sample: its segments, captions, depth, and what a head makes of it.
+    """Draw one sample: segments, captions, depth, prediction.
 
     \b
       rsa-data show nyuv2/test/bathroom/rgb_00045 --out bathroom.png
@@ -77,7 +81,10 @@ def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
 @click.command("list")
 @click.argument("what", required=False)
 def list_names(what: str | None) -> None:
-    """What can be chosen: datasets, segmenters, styles, tokenizers, encoders, models, heads, jobs.
+    """List the names that options take.
+
+    WHAT is one of datasets, segmenters, class-tables, styles, tokenizers, encoders, image-encoders,
+    depth-models, heads and jobs; all of them by default.
 
     \b
       rsa-data list datasets

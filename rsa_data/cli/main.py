@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import warnings
 from importlib import import_module
 from typing import Any
 
@@ -9,52 +10,96 @@ import click
 
 from .. import registry
 from ..common.errors import RsaDataError, unknown
+from ..common.options import RenamedOption
 from . import console
+from .options import current_words
 
-# Beside the commands of the row stages, which follow from `registry.STAGES`. Literal names, so that
-# a command loads its own module only.
+# Literal, so that `rsa-data --help` loads no command and a command loads its own module only.
+# The commands of the row stages follow from `registry.STAGES`; here is their help in one line.
+STAGE_HELP = {
+    "detect": "Detect what each image shows, or import existing segments.",
+    "captions": "Write captions of what each image shows.",
+    "embed": "Turn captions into text embeddings.",
+    "embed-images": "Turn images into embeddings.",
+    "embed-proposals": "Gather the detector's features of each image's objects.",
+    "depth": "Run a relative-depth model, or read its files.",
+}
+
+# The other commands: NAME -> where the command is, and its help in one line.
 COMMANDS = {
-    "train-head": "rsa_data.cli.heads:train_head",
-    "evaluate": "rsa_data.cli.heads:evaluate",
-    "robustness": "rsa_data.cli.studies:robustness",
-    "compare": "rsa_data.cli.studies:compare",
-    "predict": "rsa_data.cli.heads:predict",
-    "import-head": "rsa_data.cli.heads:import_head",
-    "run": "rsa_data.cli.tables:run",
-    "plan": "rsa_data.cli.planning:plan",
-    "retry-failed": "rsa_data.cli.tables:retry_failed",
-    "status": "rsa_data.cli.look:status",
-    "verify": "rsa_data.cli.look:verify",
-    "show": "rsa_data.cli.look:show",
-    "report": "rsa_data.cli.report:report",
-    "play": "rsa_data.cli.play:play",
-    "export": "rsa_data.cli.export:export",
-    "list": "rsa_data.cli.look:list_names",
-    "demo": "rsa_data.cli.demo:demo",
+    "train-head": (
+        "rsa_data.cli.heads:train_head",
+        "Train a head that predicts scale and shift from a caption's embedding.",
+    ),
+    "evaluate": ("rsa_data.cli.heads:evaluate", "Measure a head on the test splits."),
+    "robustness": (
+        "rsa_data.cli.studies:robustness",
+        "Measure a head with wrong or poor descriptions.",
+    ),
+    "compare": (
+        "rsa_data.cli.studies:compare",
+        "Train and measure heads on text, other inputs and controls.",
+    ),
+    "predict": ("rsa_data.cli.heads:predict", "Predict metric depth of photos or captions."),
+    "import-head": (
+        "rsa_data.cli.heads:import_head",
+        "Turn a released RSA checkpoint (.pt) into a head of the work dir.",
+    ),
+    "run": ("rsa_data.cli.tables:run", "Run a pipeline file: several stages with their options."),
+    "plan": ("rsa_data.cli.planning:plan", "Estimate the time and disk space that a stage needs."),
+    "retry-failed": ("rsa_data.cli.tables:retry_failed", "Process parts with failed rows again."),
+    "status": ("rsa_data.cli.look:status", "Show the tables and heads of a work dir."),
+    "verify": ("rsa_data.cli.look:verify", "Read every part again and check it."),
+    "show": ("rsa_data.cli.look:show", "Draw one sample: segments, captions, depth, prediction."),
+    "report": ("rsa_data.cli.report:report", "Write one HTML file that shows a work dir."),
+    "play": ("rsa_data.cli.play:play", "Try a head in the browser."),
+    "export": ("rsa_data.cli.export:export", "Write captions and features as a dataset."),
+    "list": ("rsa_data.cli.look:list_names", "List the names that options take."),
+    "demo": ("rsa_data.cli.demo:demo", "Run the whole chain on synthetic scenes."),
 }
 
 
+def names() -> list[str]:
+    """Names of all commands, in the order data flows."""
+    return [*registry.STAGES, *COMMANDS]
+
+
+def load(name: str) -> click.Command:
+    """The command of that name; imports its module."""
+    command: click.Command
+    if name in registry.STAGES:
+        command = import_module("rsa_data.cli.tables").command(name)
+    else:
+        module, attribute = COMMANDS[name][0].split(":")
+        command = getattr(import_module(module), attribute)
+    return command
+
+
+def short_help(name: str) -> str:
+    """What a command does, in one line."""
+    if name in COMMANDS:
+        return COMMANDS[name][1]
+    return STAGE_HELP[name] if name in STAGE_HELP else load(name).get_short_help_str(limit=100)
+
+
 class Group(click.Group):
-    """Commands in the order data flows; a typo gets the nearest name; errors set the status."""
+    """Commands in the order data flows; a typo gets the nearest name; old option names work."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*registry.STAGES, *COMMANDS]
+        return names()
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name in registry.STAGES:
-            made: click.Command = import_module("rsa_data.cli.tables").command(name)
-            return made
-        if name not in COMMANDS:
-            return None
-        module, attribute = COMMANDS[name].split(":")
-        found: click.Command = getattr(import_module(module), attribute)
-        return found
+        return load(name) if name in names() else None
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        names = self.list_commands(ctx)
-        if args and args[0] not in names and not args[0].startswith("-"):
-            raise click.UsageError(str(unknown("command", args[0], names)))
-        return super().resolve_command(ctx, args)
+        if args and args[0] not in names() and not args[0].startswith("-"):
+            raise click.UsageError(str(unknown("command", args[0], names())))
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command, current_words(name or "", rest)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, short_help(name)) for name in names()])
 
 
 @click.group(
@@ -62,10 +107,10 @@ class Group(click.Group):
 )
 @click.version_option(package_name="rsa-data")
 def cli() -> None:
-    """Captions, text embeddings and a light head that make relative depth metric.
+    """Predict metric depth from relative depth and a caption.
 
-    Each command reads tables from a work dir and writes the next one; all can be stopped at any
-    time and run again. The chain on real data:
+    Each command reads tables from a work dir and writes the next one. Every command can be stopped
+    at any time and run again. The whole chain on real data:
 
     \b
       rsa-data captions --dataset nyuv2
@@ -76,16 +121,29 @@ def cli() -> None:
     """
 
 
+def _show_warnings_once() -> None:
+    """Makes each warning a line on standard error, the same one only once."""
+    shown = set()
+
+    def show(message: Warning | str, *place: Any, **more: Any) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            console.warn(str(message))
+
+    warnings.simplefilter("always", RenamedOption)
+    warnings.showwarning = show
+
+
 def main() -> None:
     """The console script: exit 0 when all is done, 2 for a wrong call, 1 for a failure, 130 when
     interrupted."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        sys.exit(cli(standalone_mode=False) or 0)
+        with warnings.catch_warnings():
+            _show_warnings_once()
+            sys.exit(cli(standalone_mode=False) or 0)
     except (KeyboardInterrupt, click.Abort):
-        console.print_error(
-            "\nStopped. Finished parts are kept: run the same command again to go on."
-        )
+        console.print_error("\nStopped. Finished parts are kept: run the same command to continue.")
         sys.exit(130)
     except RsaDataError as error:
         console.print_error(f"Error: {error}")

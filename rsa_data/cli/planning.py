@@ -4,6 +4,7 @@ import click
 
 from ..common.errors import unknown
 from ..runner import stages
+from .options import current_words
 from .shared import PLANNING
 
 
@@ -12,19 +13,24 @@ from .shared import PLANNING
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 @click.pass_context
 def plan(ctx: click.Context, stage: str, words: tuple[str, ...]) -> None:
-    """Table, hours and bytes that a stage with these options would take; runs none of it.
+    """Estimate the time and disk space that a stage needs.
 
-    Index and inputs must be there or be quick to make: samples are indexed, a few rows are tried.
+    STAGE is a command such as embed, followed by its own options. The samples are indexed and a few
+    rows are tried; nothing else is written.
 
     \b
       rsa-data plan embed --encoder minilm --workers 2
     """
-    from .main import Group
+    from .main import load
 
     planned = [*stages.names(), "run"]
     if stage not in planned:
         raise unknown("stage", stage, planned)
-    command = Group().get_command(ctx, stage)
-    assert command is not None
+    command = load(stage)
     ctx.meta[PLANNING] = True
-    command.main(args=list(words), prog_name=f"rsa-data {stage}", parent=ctx, standalone_mode=False)
+    command.main(
+        args=current_words(stage, words),
+        prog_name=f"rsa-data {stage}",
+        parent=ctx,
+        standalone_mode=False,
+    )

@@ -11,24 +11,39 @@ from .shared import work_option
 
 @click.command()
 @work_option
-@click.option("--head", default="head", show_default=True, help="Name of a head of the work dir.")
-@click.option("--weights", type=click.Path(path_type=Path), help="File of the text encoder.")
-@click.option("--segmenter", help="What finds objects in your own pictures.")
-@click.option("--segmenter-model", type=click.Path(path_type=Path), help="File of its weights.")
-@click.option("--depth-weights", type=click.Path(path_type=Path), help="File of the depth model.")
-@click.option("--port", default=8080, show_default=True, help="Of the page, on this machine only.")
-@click.option("--show/--no-show", default=True, help="Open it in the browser.")
+@click.option("--head", default="head", show_default=True, help="Head of the work dir.")
+@click.option(
+    "--encoder-weights", type=click.Path(path_type=Path), help="File of the text encoder's weights."
+)
+@click.option("--segments", metavar="SOURCE", help="Segmentation model for your own photos.")
+@click.option("--segmenter-weights", type=click.Path(path_type=Path), help="File of its weights.")
+@click.option(
+    "--card", type=click.Path(path_type=Path), help="Model card (TOML) of your own model."
+)
+@click.option(
+    "--depth-weights", type=click.Path(path_type=Path), help="File of the depth model's weights."
+)
+@click.option(
+    "--port",
+    default=8080,
+    show_default=True,
+    help="Port of the page; it is served to this machine only.",
+)
+@click.option("--show/--no-show", default=True, help="Open the page in the browser.")
 def play(
     work: str,
     head: str,
-    weights: Path | None,
-    segmenter: str | None,
-    segmenter_model: Path | None,
+    encoder_weights: Path | None,
+    segments: str | None,
+    segmenter_weights: Path | None,
+    card: Path | None,
     depth_weights: Path | None,
     port: int,
     show: bool,
 ) -> None:
-    """Try a head in the browser: a picture, a caption, metric depth, distances.
+    """Try a head in the browser.
+
+    The page shows a photo, its caption, metric depth, a 3-D view and distances.
 
     \b
       rsa-data play --work demo --head demo
@@ -38,8 +53,8 @@ def play(
     with extras("rsa-data play"):
         from ..views.playground import page
     models = desk.load(
-        WorkDir(work), head, weights, segmenter=segmenter, segmenter_model=segmenter_model,
-        depth_weights=depth_weights,
+        WorkDir(work), head, encoder_weights, segments=segments,
+        segmenter_weights=segmenter_weights, card=card, depth_weights=depth_weights,
     )  # fmt: skip
     click.echo(f"head {head}: http://127.0.0.1:{port} (Ctrl-C ends it)")
     page.serve(models, port, show)

@@ -4,7 +4,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 
@@ -19,6 +19,8 @@ from ..runner.plan import lines as plan_lines
 from ..runner.runs import Summary
 from ..store.tables import WorkDir
 from . import console
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def part_range(ctx: click.Context, param: click.Parameter, value: str | None) -> Any:
@@ -65,7 +67,10 @@ def root_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Pa
 def work_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """--work, as every command has it."""
     return click.option(
-        "--work", default="work", show_default=True, help="Folder of all tables and heads."
+        "--work",
+        default="work",
+        show_default=True,
+        help="Work dir: folder of all tables and heads.",
     )(command)
 
 
@@ -94,28 +99,32 @@ def running(command: Callable[..., Any]) -> Callable[..., Any]:
             default="90%",
             show_default=True,
             metavar="N|SHARE%",
-            help="Stop early when more rows fail.",
+            help="Stop when more rows than this fail.",
         ),
         click.option(
             "--memory-limit",
             "memory",
             callback=memory_limit,
             metavar="SIZE",
-            help="End a worker that holds more, such as 4GB.",
+            help="Stop a worker that uses more memory than this, such as 4GB.",
         ),
         click.option(
-            "--ray-address", metavar="ADDRESS", help="Of a Ray cluster, such as auto; none: here."
+            "--ray-address",
+            metavar="ADDRESS",
+            help="Address of a Ray cluster, such as auto; by default Ray runs on this machine.",
         ),
         click.option(
             "--engine",
             type=click.Choice(list(registry.ENGINES)),
             default="local",
             show_default=True,
-            help="Who runs the workers.",
+            help="Engine that runs the workers.",
         ),
-        click.option("--workers", default=1, show_default=True, help="Processes side by side."),
-        click.option("--part-range", callback=part_range, metavar="A:B", help="Parts A to B-1."),
-        click.option("--split", help="Only this split, such as train or test."),
+        click.option("--workers", default=1, show_default=True, help="Number of worker processes."),
+        click.option(
+            "--part-range", callback=part_range, metavar="A:B", help="Process only parts A to B-1."
+        ),
+        click.option("--split", help="Process only this split, such as train or test."),
     ):
         wrapped = option(wrapped)
     return work_option(wrapped)
@@ -136,12 +145,12 @@ def one_dataset(command: Callable[..., Any]) -> Callable[..., Any]:
             "--root",
             callback=root_of,
             metavar="PLACE",
-            help="Where its files lie: a folder, s3://BUCKET/PREFIX or https://HOST/PATH.",
+            help="Where the dataset's files are: a folder, s3://BUCKET/PREFIX or https://HOST/PATH.",
         ),
         click.option(
             "--dataset",
             required=True,
-            help="Name of a dataset, or folder:NAME for images of your own.",
+            help="Name of a dataset, or folder:NAME for your own images.",
         ),
     ):
         command = option(command)

@@ -4,11 +4,12 @@ from typing import Any
 
 import click
 
-from ..common.options import click_options
+from ..common.options import call
 from ..evaluation.compare import compare as compare_function
 from ..evaluation.robustness import robustness as robustness_function
 from ..store.tables import WorkDir
 from . import console
+from .options import click_options
 from .shared import work_option
 
 
@@ -16,21 +17,21 @@ from .shared import work_option
 @work_option
 @click_options(robustness_function)
 def robustness(work: str, **options: Any) -> None:
-    """Measure a head with descriptions that are wrong or poor.
+    """Measure a head with wrong or poor descriptions.
 
     \b
       rsa-data robustness --head nyu
     """
-    click.echo(robustness_function(WorkDir(work), bar=console.bar, **options).summary)
+    click.echo(call(robustness_function, WorkDir(work), bar=console.bar, **options).summary)
 
 
 @click.command()
 @work_option
 @click_options(compare_function)
 def compare(work: str, **options: Any) -> None:
-    """Train and measure heads on text, other inputs and controls, in one table.
+    """Train and measure heads on text, other inputs and controls.
 
     \b
       rsa-data compare --work demo
     """
-    click.echo(compare_function(WorkDir(work), bar=console.bar, **options).summary)
+    click.echo(call(compare_function, WorkDir(work), bar=console.bar, **options).summary)

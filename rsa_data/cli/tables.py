@@ -5,12 +5,13 @@ from typing import Any
 
 import click
 
-from ..common.options import click_options
+from ..common.options import parameters
 from ..runner import chains, pipeline_files, stages
 from ..runner.chains import RunOptions
 from ..runner.stage import GIVEN, Stage
 from ..runner.stages import ConfiguredStage
 from ..store.tables import WorkDir
+from .options import click_options, one_option
 from .shared import key_values, one_dataset, running, say_next
 
 
@@ -21,20 +22,37 @@ def command(name: str) -> click.Command:
     call = click_options(stage.build, hidden=GIVEN)(call)
     if stage.reads is not None:
         call = click.option(f"--{stage.reads.option}", "wanted", **_reads_help(stage))(call)
+        for name in _files_of_first(stage):
+            call = one_option(stages.maker(stage.reads.kind).build, name)(call)
     if stage.schema == "segments":
         call = click.option(
-            "--preview", metavar="N", type=int, help="Draw N images with what was found."
+            "--preview",
+            metavar="N",
+            type=int,
+            help="Draw N images with their segments to a PNG file.",
         )(call)
     call = click.option(
-        "--label", help="Name of the table, instead of that of its " + _named_after(stage) + "."
+        "--label", help=f"Name of the table; by default that of its {_named_after(stage)}."
     )(call)
     if stage.begins:
         call = one_dataset(call)
     else:
         call = click.option(
-            "--dataset", "datasets", multiple=True, help="Only this dataset; may be repeated."
+            "--dataset",
+            "datasets",
+            multiple=True,
+            help="Process only this dataset; may be repeated.",
         )(call)
     return click.command(name, help=stage.help)(running(call))
+
+
+def _files_of_first(stage: Stage) -> list[str]:
+    """Options that name files of the stage which runs first, such as the segmenter's weights."""
+    if stage.reads is None or not stage.reads.made_first:
+        return []
+    first = stages.maker(stage.reads.kind)
+    known = parameters(first.build)
+    return [name for name in first.local if known[name].annotation == Path | None]
 
 
 def _named_after(stage: Stage) -> str:
@@ -64,8 +82,10 @@ def _over_one(stage: Stage) -> Any:
         preview: int | None = None,
         **options: Any,
     ) -> None:
+        files = {name: options.pop(name) for name in _files_of_first(stage)}
+        files = {name: path for name, path in files.items() if path is not None}
         configured = ConfiguredStage(stage, options, label)
-        first = chains.begin(work, configured, dataset, wanted)
+        first = chains.begin(work, configured, dataset, wanted, files)
         name = chains.samples(work, dataset, given, root=root, source=first or configured)
         made = chains.chain(work, configured, name, how, root=root, wanted=wanted, first=first)
         if preview and how.plan is None:
@@ -104,10 +124,24 @@ def _draw(work: WorkDir, dataset: str, output: str, count: int, root: Path | Non
 
 
 @click.command()
-@click.argument("file")
+@click.argument("file", metavar="PIPELINE")
 @running
-@click.option("--root", "roots", multiple=True, callback=key_values, metavar="DATASET=DIR")
-@click.option("--set", "changes", multiple=True, callback=key_values, metavar="STAGE.OPTION=VALUE")
+@click.option(
+    "--root",
+    "roots",
+    multiple=True,
+    callback=key_values,
+    metavar="DATASET=PLACE",
+    help="Where the files of a dataset are; may be repeated.",
+)
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    callback=key_values,
+    metavar="STAGE.OPTION=VALUE",
+    help="Overrides an option of the pipeline file; may be repeated.",
+)
 def run(
     work: WorkDir, how: RunOptions, file: str, roots: dict[str, str], changes: dict[str, str]
 ) -> None:
@@ -124,9 +158,13 @@ def run(
 
 @click.command("retry-failed")
 @running
-@click.option("--dataset", "wanted", multiple=True, help="Only this dataset; may be repeated.")
+@click.option(
+    "--dataset", "wanted", multiple=True, help="Process only this dataset; may be repeated."
+)
 def retry_failed(work: WorkDir, how: RunOptions, wanted: tuple[str, ...]) -> None:
-    """Process parts with failed rows again, after their input has been fixed.
+    """Process parts with failed rows again.
+
+    Fix their input first. What was made from these parts is made again as well.
 
     \b
       rsa-data retry-failed

@@ -15,7 +15,7 @@ from .errors import RsaDataError
 _TIMEOUT = 30.0  # seconds without an answer
 
 
-def fetch(name: str, option: str = "--weights") -> Path:
+def fetch(name: str, option: str = "--encoder-weights") -> Path:
     """The file of the shipped model `name`: from the cache, or downloaded and checked."""
     return local_file(read_card(card_path(name)), option=option)
 
@@ -63,7 +63,7 @@ def _unavailable(card: Card, own: Path, option: str, reason: object) -> RsaDataE
     return RsaDataError(
         f"model {card.name}: its file is not on this machine and the download failed: {reason}\n"
         f"Way out: get {_address(card)}{checksum} where there is a network, and put it at {own}, "
-        f"or name it with {option} FILE" + (" of `rsa-data detect`" if option == "--model" else "")
+        f"or name it with {option} FILE"
     )
 
 

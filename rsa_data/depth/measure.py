@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from .. import registry
 from ..common.errors import RowError, UsageError, unknown
+from ..common.options import accepts_old_names
 from ..common.prefetch import each
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
@@ -21,12 +22,13 @@ from .pixels import draw
 _FLOAT16_MAX = float(np.finfo(np.float16).max)
 
 
+@accepts_old_names("depth")
 def build(
     *,
     dataset: Dataset,
     root: Path,
     depth_model: str,
-    weights: Path | None = None,
+    depth_weights: Path | None = None,
     geometry: str | None = None,
     crop: Literal["none", "kb"] = "none",
     files_hold: Literal["relative", "depth"] = "relative",
@@ -40,7 +42,7 @@ def build(
     ----------
     depth_model : a model of `rsa-data list depth-models`, files:DIR, or files for those that the
         dataset brings. DIR holds DIR/IMAGE.npy or .png for each IMAGE.jpg below the root.
-    weights : file of the model's weights, instead of the download.
+    depth_weights : file of the model's weights, instead of the download.
     geometry : WIDTHxHEIGHT in px that images are resized to for the model, whatever their shape,
         instead of the model's own way. Part of what a head is trained for: y moves with it.
     crop : what is cut from the image before the model sees it; kb is KITTI's 352x1216 at the
@@ -58,7 +60,7 @@ def build(
         argument=argument,
         dataset=dataset,
         root=root,
-        weights=weights,
+        weights=depth_weights,
         geometry=geometry,
         crop=crop,
         holds=files_hold,
@@ -79,7 +81,7 @@ def build(
 
 
 def files(
-    *, depth_model: str, weights: Path | None = None, geometry: str | None = None, **_: Any
+    *, depth_model: str, depth_weights: Path | None = None, geometry: str | None = None, **_: Any
 ) -> dict[str, Path]:
     """The model file that these options read; none for depth that lies in files.
 
@@ -98,7 +100,7 @@ def files(
         raise UsageError(f"depth model {name}: takes no argument, found {argument!r}")
     if geometry is not None:
         fixed(geometry)
-    return {"model": model_file(name, weights)}
+    return {"model": model_file(name, depth_weights)}
 
 
 def _row(
@@ -198,7 +200,9 @@ STAGE = Stage(
     name="depth",
     version=1,
     build=build,
-    help="""Run a relative-depth model, or read its files, beside the ground truth.
+    help="""Run a relative-depth model, or read its files.
+
+    The relative depth is stored beside the ground truth.
 
     \b
       rsa-data depth --dataset nyuv2 --depth-model depth-anything-v2-small
@@ -207,6 +211,6 @@ STAGE = Stage(
     schema="depth",
     folder="depth",
     selector="depth_model",
-    local=("weights",),
+    local=("depth_weights",),
     files=files,
 )

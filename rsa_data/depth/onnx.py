@@ -53,7 +53,7 @@ def build(
 
 def model_file(name: str, weights: Path | None) -> Path:
     """The weights given, or the card's file: from the cache, downloaded and checked if need be."""
-    return local_file(card_of("relative-depth", name), weights)
+    return local_file(card_of("relative-depth", name), weights, "--depth-weights")
 
 
 def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.ndarray:
@@ -68,7 +68,8 @@ def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.nda
         reason = " ".join(str(error).split())[:300]
         raise RsaDataError(
             f"depth model {model}: expected a file that takes {pixels.shape[3]}x{pixels.shape[2]} "
-            f"px; found: {reason}. Is --weights the file of this model, --geometry one it takes?"
+            f"px; found: {reason}. Is --depth-weights the file of this model, and does it take "
+            "images of --geometry?"
         ) from error
     shape = output.shape[-2:] if output.ndim >= 2 else (0, 0)
     stretched = np.divide(shape, pixels.shape[2:])
@@ -76,7 +77,7 @@ def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.nda
     if output.size != np.prod(shape) or not 0.8 < stretched[0] / max(stretched[1], 1e-9) < 1.25:
         raise RsaDataError(
             f"depth model {model}: expected one map of depth; found an output of shape "
-            f"{output.shape}. Is --weights the file of this model?"
+            f"{output.shape}. Is --depth-weights the file of this model?"
         )
     return output.astype(np.float32).reshape(output.shape[-2:])
 

@@ -90,8 +90,10 @@ def _load_image(files: dict[str, Path]) -> ImageModel:
 
 
 CLIP_RN50: Encoder[TextModel] = Encoder(
-    "CLIP RN50's text tower, 1024-d, the paper's: downloaded, or --weights FILE.", _files, _load
+    "CLIP RN50's text tower, 1024-d, the paper's: downloaded, or --encoder-weights FILE.",
+    _files,
+    _load,
 )
 CLIP_RN50_IMAGE: Encoder[ImageModel] = Encoder(
-    "CLIP RN50's image tower, 1024-d: downloaded, or --weights FILE.", _files, _load_image
+    "CLIP RN50's image tower, 1024-d: downloaded, or --encoder-weights FILE.", _files, _load_image
 )

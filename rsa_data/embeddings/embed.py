@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from .. import registry
 from ..common import progress
 from ..common.errors import RsaDataError, UsageError
+from ..common.options import accepts_old_names
 from ..runner.stage import Notes, Reads, Stage
 from ..store import schemas
 from . import audit, runtime
@@ -21,10 +22,11 @@ from .runtime import Device, Precision, Run, Runtime
 Step = Callable[[pa.Table], pa.Table]
 
 
+@accepts_old_names("embed")
 def build(
     *,
     encoder: str = "clip-rn50",
-    weights: Path | None = None,
+    encoder_weights: Path | None = None,
     precision: Precision = "float32",
     store: Literal["float16", "float32"] = "float16",
     normalize: bool = False,
@@ -38,8 +40,8 @@ def build(
     Parameters
     ----------
     encoder : text encoder; see `rsa-data list encoders`.
-    weights : file with the encoder's weights, or folder of a sentence encoder. Without it the
-        registry's file is taken: from its package, the cache, or a download with its checksum.
+    encoder_weights : file with the encoder's weights, or folder of a sentence encoder. By default
+        it comes from its package, the cache, or a download with its checksum.
     precision : arithmetic of the encoder; what is not float32 is compared with float32 on a sample
         of every part, and refused beyond the limits in encoders/audit.py.
     store : type of the stored features; float16 rounds each value by up to 4.9e-4 of itself.
@@ -52,7 +54,7 @@ def build(
     audit_head : a trained head: the comparison with float32 then also shows what becomes of scale
         and shift.
     """
-    run, model, exact = _runners(encoder, weights, precision, runtime, device, threads)
+    run, model, exact = _runners(encoder, encoder_weights, precision, runtime, device, threads)
 
     def step(captions: pa.Table) -> pa.Table:
         text_id, texts = distinct_texts(captions)
@@ -86,13 +88,11 @@ def build(
     return step
 
 
-def files(
-    *, encoder: str = "clip-rn50", weights: Path | None = None, **others: object
-) -> dict[str, Path]:
+def files(*, encoder: str, encoder_weights: Path | None = None, **_: object) -> dict[str, Path]:
     """The files whose bytes decide the features, by name; may download them."""
-    if weights is not None and not weights.exists():
-        raise UsageError(f"--weights: expected a file or folder; {weights} is not there")
-    return _encoder(encoder).files(encoder.partition(":")[2] or None, weights)
+    if encoder_weights is not None and not encoder_weights.exists():
+        raise UsageError(f"--encoder-weights: there is no file or folder at {encoder_weights}")
+    return _encoder(encoder).files(encoder.partition(":")[2] or None, encoder_weights)
 
 
 def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[str]:
@@ -127,23 +127,20 @@ def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[
     return sentences
 
 
-def encode(
-    texts: Sequence[str],
-    *,
-    encoder: str,
-    weights: Path | None = None,
-    normalize: bool = False,
-    **others: object,
-) -> np.ndarray:
-    """Features of a few texts, float32 of shape (n, dim), in torch, which is soonest ready."""
-    return loaded(encoder=encoder, weights=weights, normalize=normalize)(texts)
+def encode(texts: Sequence[str], **options: Any) -> np.ndarray:
+    """Features of a few texts, float32 (n, dim), in torch; options as those of `loaded`."""
+    return loaded(**options)(texts)
 
 
 def loaded(
-    *, encoder: str, weights: Path | None = None, normalize: bool = False, **others: object
+    *,
+    encoder: str,
+    encoder_weights: Path | None = None,
+    normalize: bool = False,
+    **others: object,
 ) -> Callable[[Sequence[str]], np.ndarray]:
-    """`encode` with the weights in memory, for calls one after the other."""
-    run, model, _ = _runners(encoder, weights, "float32", "torch", "cpu", 2)
+    """A text encoder with its weights in memory; other options of a table do not matter to it."""
+    run, model, _ = _runners(encoder, encoder_weights, "float32", "torch", "cpu", 2)
 
     def encode(texts: Sequence[str]) -> np.ndarray:
         features = _all(run, model, model.tokenize(list(texts))[0])
@@ -174,7 +171,7 @@ def _encoder(encoder: str) -> Encoder[TextModel]:
 
 def _runners(
     encoder: str,
-    weights: Path | None,
+    encoder_weights: Path | None,
     precision: Precision,
     wanted: Runtime,
     device: Device,
@@ -182,7 +179,7 @@ def _runners(
 ) -> tuple[Run, TextModel, Run]:
     """As runtime.runners, from the names of the options."""
     where = runtime.choose(precision, wanted, device)
-    paths = files(encoder=encoder, weights=weights)
+    paths = files(encoder=encoder, encoder_weights=encoder_weights)
     return runtime.runners(_encoder(encoder).load(paths), paths, precision, where, threads)
 
 
@@ -231,11 +228,14 @@ STAGE = Stage(
     name="embed",
     version=1,
     build=build,
-    help="""Turn captions into text embeddings, each distinct text once.
+    help="""Turn captions into text embeddings.
+
+    Covers every dataset of the work dir unless --dataset is given. Each distinct text is encoded
+    once.
 
     \b
       rsa-data embed --encoder minilm
-      rsa-data embed --encoder clip-rn50 --weights RN50.pt
+      rsa-data embed --encoder clip-rn50 --encoder-weights RN50.pt
     """,
     next="depth --dataset NAME --depth-model MODEL, then: rsa-data train-head",
     schema="embeddings",
@@ -244,7 +244,7 @@ STAGE = Stage(
     reads=Reads("captions", "style", with_samples=False),
     unit="text_id",
     noun="texts",
-    local=("weights", "audit_head"),
+    local=("encoder_weights", "audit_head"),
     files=files,
     notes=Notes(("truncated", "n_tokens"), notes),
 )

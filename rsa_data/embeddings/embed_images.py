@@ -11,6 +11,7 @@ import pyarrow as pa
 from .. import registry
 from ..common import progress
 from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.options import accepts_old_names
 from ..common.prefetch import ahead
 from ..datasets.images import read_image
 from ..datasets.roots import readers
@@ -26,11 +27,12 @@ Step = Callable[[pa.Table], pa.Table]
 _BATCH = 16
 
 
+@accepts_old_names("embed-images")
 def build(
     *,
     root: Path | None,
     encoder: str = "clip-rn50",
-    weights: Path | None = None,
+    encoder_weights: Path | None = None,
     precision: Literal["float32", "float16", "bfloat16"] = "float32",
     store: Literal["float16", "float32"] = "float16",
     device: Device = "auto",
@@ -41,7 +43,7 @@ def build(
     Parameters
     ----------
     encoder : image encoder; see `rsa-data list image-encoders`.
-    weights : file with the encoder's weights, or a model's folder, instead of the download.
+    encoder_weights : file with the encoder's weights, or a model's folder, instead of the download.
     precision : arithmetic of the encoder.
     store : type of the stored features; float16 rounds each value by up to 4.9e-4 of itself.
     device : where the encoder runs; auto takes a GPU when there is one.
@@ -53,7 +55,7 @@ def build(
         raise UsageError("embed-images: expected the dataset's images; give --root DIR")
     torch.set_num_threads(threads)
     _, on = runtimes.choose(precision, "torch", device)
-    model = _encoder(encoder).load(files(encoder=encoder, weights=weights))
+    model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
     run = runtimes.in_torch(model.module, precision, on)
 
     def step(samples: pa.Table) -> pa.Table:
@@ -89,12 +91,12 @@ def build(
 
 
 def files(
-    *, encoder: str = "clip-rn50", weights: Path | None = None, **others: object
+    *, encoder: str = "clip-rn50", encoder_weights: Path | None = None, **others: object
 ) -> dict[str, Path]:
     """The files whose bytes decide the features, by name; may download them."""
-    if weights is not None and not weights.exists():
-        raise UsageError(f"--weights: expected a file or folder; {weights} is not there")
-    return _encoder(encoder).files(encoder.partition(":")[2] or None, weights)
+    if encoder_weights is not None and not encoder_weights.exists():
+        raise UsageError(f"--encoder-weights: there is no file or folder at {encoder_weights}")
+    return _encoder(encoder).files(encoder.partition(":")[2] or None, encoder_weights)
 
 
 def _encoder(encoder: str) -> Encoder[ImageModel]:
@@ -142,7 +144,9 @@ STAGE = Stage(
     name="embed-images",
     version=1,
     build=build,
-    help="""Turn images into embeddings, for a head that learns from images.
+    help="""Turn images into embeddings.
+
+    Heads that learn from images read them.
 
     \b
       rsa-data embed-images --dataset nyuv2 --encoder clip-rn50
@@ -152,6 +156,6 @@ STAGE = Stage(
     schema="image_embeddings",
     folder="embeddings/images",
     selector="encoder",
-    local=("weights",),
+    local=("encoder_weights",),
     files=files,
 )

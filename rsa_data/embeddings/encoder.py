@@ -60,7 +60,7 @@ class Encoder(Generic[Model]):
     """An entry of registry.ENCODERS (of TextModel) or IMAGE_ENCODERS (of ImageModel).
 
     doc : one line for `rsa-data list`.
-    files : (argument of `name:argument`, the user's --weights) -> the files whose bytes decide
+    files : (argument of `name:argument`, the user's file) -> the files whose bytes decide
         the features, by a name of their own; downloads what may be downloaded.
     load : those files -> the model.
     """

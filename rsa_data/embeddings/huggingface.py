@@ -19,7 +19,9 @@ from .encoder import Encoder, TextModel
 def named_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
     """The files of the model `hf:ARGUMENT`, or of the folder `weights`."""
     if argument is None and weights is None:
-        raise UsageError("encoder hf: expected hf:NAME_OR_DIR, or the model's folder by --weights")
+        raise UsageError(
+            "encoder hf: expected hf:NAME_OR_DIR, or the model's folder by --encoder-weights"
+        )
     return folder_files(folder_of(argument or "", weights))
 
 

@@ -67,7 +67,9 @@ STAGE = Stage(
     name="embed-proposals",
     version=1,
     build=build,
-    help="""Gather the detector's features of each image's objects, for the head `proposals`.
+    help="""Gather the detector's features of each image's objects.
+
+    The head `proposals` learns from them.
 
     \b
       rsa-data detect --dataset nyuv2 --features OUTPUT

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError, unknown
+from ..common.options import accepts_old_names
 from ..store import schemas
 from ..store.tables import WorkDir
 from . import output
@@ -45,6 +46,7 @@ CHANGES: dict[str, tuple[dict[str, Any], int]] = {
 _INDOOR_METRES = 60.0
 
 
+@accepts_old_names("robustness")
 def robustness(
     work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
@@ -53,7 +55,7 @@ def robustness(
     datasets: tuple[str, ...] = (),
     protocol: str = "rsa",
     split: str = "test",
-    weights: Path | None = None,
+    encoder_weights: Path | None = None,
     seed: int = 0,
     draws: int = 1000,
 ) -> Evaluation:
@@ -69,7 +71,7 @@ def robustness(
     datasets : datasets of the work dir; none means all that have the split.
     protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
     split : what to measure on.
-    weights : file of the text encoder's weights, where it is not found by itself.
+    encoder_weights : file of the text encoder's weights, where it is not found by itself.
     seed : of what is deleted, replaced and added.
     draws : resamplings of scenes for the confidence intervals; 0 for none.
 
@@ -89,7 +91,7 @@ def robustness(
     ).items():
         rule = rules_of(work, name, protocol)
         methods = robustness_methods(
-            work, loaded, source, max_depth=rule.max_depth, weights=weights, seed=seed
+            work, loaded, source, max_depth=rule.max_depth, weights=encoder_weights, seed=seed
         )
         found.append(measure(parts_of(work, name, source.depth, split), methods, rule, bar))
     table = pa.concat_tables(found)
@@ -134,7 +136,7 @@ def robustness_methods(
         )
     encode = embed.build(
         **work.table(source.dataset, source.embeddings).description().options,
-        weights=weights,
+        encoder_weights=weights,
     )
     wrong = "street" if max_depth <= _INDOOR_METRES else "indoor"
     methods = {}

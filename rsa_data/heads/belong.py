@@ -192,7 +192,7 @@ def encoder(features: dict[str, Any], weights: Any = None) -> Callable[[Sequence
             f"this head reads {features['style']} features of {features['encoder']}, not captions "
             "alone: call rsa_data.ScaleHead.load(...)(features) with the features of its tables"
         )
-    options = {**features["options"], "weights": weights}
+    options = {**features["options"], "encoder_weights": weights}
     paths = embed.files(**options)
     for name, path in paths.items():
         known = (features["files"] or {}).get(name)

@@ -128,22 +128,29 @@ def _run(job: Job, how: RunOptions) -> Summary:
 
 
 def begin(
-    work: WorkDir, configured: ConfiguredStage, choice: str, wanted: str | None
+    work: WorkDir,
+    configured: ConfiguredStage,
+    choice: str,
+    wanted: str | None,
+    given: Mapping[str, Any] | None = None,
 ) -> ConfiguredStage | None:
     """The stage that makes the table which `configured` reads, as far as `wanted` asks for it.
 
     wanted : NAME or NAME:ARGUMENT of that stage, or the label of a table of the dataset `choice`.
+    given : other options of that stage.
 
     Raises UsageError for unknown names, before anything is written.
     """
     reads = configured.stage.reads
-    if reads is None or not reads.made_first or wanted is None:
+    if reads is None or not reads.made_first or (wanted is None and not given):
         return None
-    if work.table(choice.rpartition(":")[2], f"{reads.kind}/{wanted}").exists():
+    if not given and work.table(choice.rpartition(":")[2], f"{reads.kind}/{wanted}").exists():
         return None
     first = stages.maker(reads.kind)
     assert first.selector is not None
-    return stages.bind(first.name, {first.selector: wanted})
+    return stages.bind(
+        first.name, {**(given or {}), **({first.selector: wanted} if wanted else {})}
+    )
 
 
 def chain(

@@ -6,6 +6,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+from ..common.options import stored
 from ..store import schemas
 from ..store.tables import Description, fingerprint
 from .jobs import Job, plain
@@ -20,9 +21,10 @@ def describe(job: Job) -> Description:
     """
     stage = job.declared
     files = stage.files(**job.options)
-    options = {k: plain(v) for k, v in job.options.items() if k not in stage.local}
+    kept = {k: plain(v) for k, v in job.options.items() if k not in stage.local}
     if stage.selector is not None:
-        options[stage.selector] = label_of(str(options[stage.selector]))
+        kept[stage.selector] = label_of(str(kept[stage.selector]))
+    options = stored(stage.build, kept)
     identity = stage.identity(**job.options)
     known = {"identity": identity} if identity else {}
     return Description(

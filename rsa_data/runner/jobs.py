@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..common.errors import RsaDataError, UsageError
+from ..common.options import current
 from ..datasets import index
 from ..store.tables import Table, WorkDir
 from . import stages
@@ -93,7 +94,11 @@ def job_of(work: WorkDir, dataset: str, table: str) -> Job:
     description = there.description()
     inputs = description.inputs
     upstream = inputs[0] if inputs and inputs[0] != "samples" else None
-    given = {**description.options, **there.remembered(), "label": table.rpartition("/")[2]}
+    # Either may hold options by the names that they had in an older version.
+    build = stages.stage(description.stage).build
+    kept = current(build, description.options, warn=False)
+    kept |= current(build, there.remembered(), warn=False)
+    given = {**kept, "label": table.rpartition("/")[2]}
     configured = stages.bind(description.stage, given)
     reads = configured.stage.reads
     expected = reads is not None and reads.needed(configured.options)

@@ -25,7 +25,7 @@ def build_step(job: Job) -> Step:
         given["dataset"] = index.load_dataset(WorkDir(job.work), job.dataset)
     if "root" in known:
         given["root"] = open_root(job.root) if job.root else None
-    return build(**given, **job.options)
+    return options.call(build, **given, **job.options)
 
 
 def run_part(

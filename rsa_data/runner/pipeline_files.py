@@ -4,7 +4,7 @@ doc = "What it is for."
 
 [dataset.nyuv2]                      # one table a dataset, its options inside
 [dataset.nyuv2.detect]               # options for this dataset alone
-source = "rsa-release:../RSA"
+segments = "rsa-release:../RSA"
 
 [captions]                           # for every dataset
 style = "occupancy"
@@ -85,12 +85,37 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
         raw = tomllib.loads(file.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path}: not a TOML file: {error}") from error
+    _rename(raw)
     for where, value in (changes or {}).items():
-        _change(raw, where.split("."), value, f"{path}: {where}")
+        _change(raw, _renamed(where.split(".")), value, f"{path}: {where}")
     try:
         return _parsed(raw, str(path))
     except RsaDataError as error:
         raise UsageError(str(error)) from error
+
+
+def _takes(name: str) -> Callable[..., Any] | None:
+    """The function whose options a table of that name holds, if it is one of a stage or a step."""
+    if name in registry.STEPS:
+        return _function(name)
+    return stages.stage(name).build if name in registry.STAGES else None
+
+
+def _rename(tables: dict[str, Any]) -> None:
+    """Old names of options become today's, with a warning each, here and in [dataset.NAME]."""
+    for name, table in tables.items():
+        takes = _takes(name)
+        if takes is not None and isinstance(table, dict):
+            tables[name] = options.current(takes, table)
+    datasets = tables.get("dataset")
+    for entry in datasets.values() if isinstance(datasets, dict) else ():
+        if isinstance(entry, dict) and "dataset" not in entry:
+            _rename(entry)
+
+
+def _renamed(places: list[str]) -> list[str]:
+    takes = _takes(places[-2]) if len(places) > 1 else None
+    return places if takes is None else [*places[:-1], *options.current(takes, {places[-1]: None})]
 
 
 def _change(raw: dict[str, Any], places: list[str], value: Any, where: str) -> None:
@@ -174,7 +199,7 @@ def run(
         if step.name in ("evaluate", "robustness"):
             given.setdefault("head", heads[0] if heads else "head")
         bound = options.bind(_function(step.name), given, step.name)
-        report_step(step.name, _function(step.name)(work, bar=how.bar, **bound))
+        report_step(step.name, options.call(_function(step.name), work, bar=how.bar, **bound))
 
 
 def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:

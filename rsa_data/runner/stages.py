@@ -108,5 +108,6 @@ def _without_given(function: Callable[..., Any]) -> Callable[..., Any]:
     def stand_in(**_: Any) -> None: ...
 
     stand_in.__doc__ = function.__doc__
+    stand_in.old_names = getattr(function, "old_names", {})  # type: ignore[attr-defined]
     stand_in.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return stand_in

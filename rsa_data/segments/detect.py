@@ -20,13 +20,14 @@ Step = Callable[[pa.Table], pa.Table]
 DEFAULT = "detr-resnet-50-panoptic"
 
 
+@options.accepts_old_names("detect")
 def build(
     *,
     dataset: Dataset,
     root: Path | None,
-    source: str = DEFAULT,
-    model: Path | None = None,
-    model_card: Path | None = None,
+    segments: str = DEFAULT,
+    segmenter_weights: Path | None = None,
+    card: Path | None = None,
     names: str | None = None,
     score_threshold: float | None = None,
     masks: bool = False,
@@ -40,10 +41,10 @@ def build(
 
     Parameters
     ----------
-    source : a model or importer of `rsa-data list segmenters`, importers as NAME:WHERE;
-        with a model card of your own, any name that its table shall have.
-    model : file of the model's weights, instead of the download.
-    model_card : TOML file that describes a model of your own.
+    segments : a model or importer of `rsa-data list segmenters`, importers as NAME:PLACE; with a
+        model card of your own, any name that its table shall have.
+    segmenter_weights : file of the model's weights, instead of the download.
+    card : model card (TOML) of a model of your own.
     names : class names of a label map or of detection results; a table of
         `rsa-data list class-tables`, or a file with one name a line or TOML.
     score_threshold : lowest score that is kept, instead of the model's own.
@@ -55,11 +56,11 @@ def build(
     device : where the model runs; auto takes CUDA where onnxruntime has it.
     max_pixels : images with more pixels are refused, unread.
     """
-    name, _, argument = source.partition(":")
-    _check_name(name, model_card)
+    name, _, argument = segments.partition(":")
+    _check_name(name, card)
     given = {
-        "model": model,
-        "model_card": model_card,
+        "segmenter_weights": segmenter_weights,
+        "card": card,
         "names": names,
         "score_threshold": score_threshold,
         "masks": masks,
@@ -69,13 +70,13 @@ def build(
         "device": device,
         "max_pixels": max_pixels,
     }
-    builder = registry.resolve("segmenter", registry.SEGMENTERS, _entry(name, model_card))
+    builder = registry.resolve("segmenter", registry.SEGMENTERS, _entry(name, card))
     known = options.parameters(builder)
     usual = options.parameters(build)
     for option, value in given.items():
         if option not in known and value != usual[option].default:
             raise UsageError(
-                f"segmenter {name}: the option {option} has no effect here; leave it out"
+                f"segments {name}: {options.flag(option)} has no effect here: leave it out"
             )
     own = {option: value for option, value in given.items() if option in known}
     step: Step = builder(name=name, argument=argument or None, dataset=dataset, root=root, **own)
@@ -84,43 +85,41 @@ def build(
 
 def files(
     *,
-    source: str = DEFAULT,
-    model: Path | None = None,
-    model_card: Path | None = None,
+    segments: str = DEFAULT,
+    segmenter_weights: Path | None = None,
+    card: Path | None = None,
     **given: Any,
 ) -> dict[str, Path]:
     """The files whose bytes decide the segments: model and card, or what an importer reads whole.
 
     May download the model. Raises RsaDataError, with the way out, when it cannot be had.
     """
-    name, _, argument = source.partition(":")
-    _check_name(name, model_card)
-    target = registry.SEGMENTERS.get(_entry(name, model_card), "")
+    name, _, argument = segments.partition(":")
+    _check_name(name, card)
+    target = registry.SEGMENTERS.get(_entry(name, card), "")
     finder = getattr(import_module(target.partition(":")[0]), "files", None) if target else None
     if finder is None:
         return {}
-    given |= {"model": model, "model_card": model_card}
+    given |= {"segmenter_weights": segmenter_weights, "card": card}
     found: dict[str, Path] = finder(name=name, argument=argument or None, **given)
     return found
 
 
-def _check_name(name: str, model_card: Path | None) -> None:
+def _check_name(name: str, card: Path | None) -> None:
     """A model of one's own shall not fill the table of the default model by oversight."""
-    if model_card is not None and name == DEFAULT and model_card.stem != DEFAULT:
-        raise UsageError(
-            f"--model-card {model_card}: name its table, --source {model_card.stem} for instance"
-        )
+    if card is not None and name == DEFAULT and card.stem != DEFAULT:
+        raise UsageError(f"--card {card}: name its table, --segments {card.stem} for instance")
 
 
-def _entry(name: str, model_card: Path | None) -> str:
+def _entry(name: str, card: Path | None) -> str:
     # With a card of one's own any name will do: its builder is the one of the default model.
-    return DEFAULT if model_card is not None and name not in registry.SEGMENTERS else name
+    return DEFAULT if card is not None and name not in registry.SEGMENTERS else name
 
 
-def check(*, source: str = DEFAULT, model_card: Path | None = None, **_: Any) -> None:
+def check(*, segments: str = DEFAULT, card: Path | None = None, **_: Any) -> None:
     """Refuses a segmenter that is not in the registry, unless a card describes it."""
-    name = source.partition(":")[0]
-    if _entry(name, model_card) not in registry.SEGMENTERS:
+    name = segments.partition(":")[0]
+    if _entry(name, card) not in registry.SEGMENTERS:
         raise unknown("segmenter", name, registry.SEGMENTERS)
 
 
@@ -136,16 +135,16 @@ STAGE = Stage(
     name="detect",
     version=1,
     build=build,
-    help="""Detect what each image shows, or import segments that exist already.
+    help="""Detect what each image shows, or import existing segments.
 
     \b
-      rsa-data detect --dataset nyuv2 --source yolox-nano --model yolox_nano.onnx --preview 12
+      rsa-data detect --dataset nyuv2 --segments yolox-nano --segmenter-weights yolox_nano.onnx
     """,
     next="captions --dataset {dataset}",
     schema="segments",
     folder="segments",
-    selector="source",
-    local=("model", "model_card", "threads"),
+    selector="segments",
+    local=("segmenter_weights", "card", "threads"),
     files=files,
     check=check,
     index=index,

@@ -32,8 +32,8 @@ def build(
     argument: str | None,
     dataset: Dataset,
     root: Path | None,
-    model: Path | None = None,
-    model_card: Path | None = None,
+    segmenter_weights: Path | None = None,
+    card: Path | None = None,
     score_threshold: float | None = None,
     masks: bool = False,
     features: str | None = None,
@@ -50,11 +50,11 @@ def build(
             f"segmenter {name}: expected the dataset's images; found no folder of {dataset.name}. "
             "Give --root DIR, or import segments that exist (rsa-data list segmenters)"
         )
-    card = _card(name, model_card)
+    described = _card(name, card)
     detector = load(
-        card,
-        local_file(card, model, "--model"),
-        table=class_table(card),
+        described,
+        local_file(described, segmenter_weights, "--segmenter-weights"),
+        table=class_table(described),
         score_threshold=score_threshold,
         device=device,
         features=features,
@@ -80,18 +80,18 @@ def build(
 
 
 def files(
-    *, name: str, model: Path | None = None, model_card: Path | None = None, **_: Any
+    *, name: str, segmenter_weights: Path | None = None, card: Path | None = None, **_: Any
 ) -> dict[str, Path]:
     """The model's file, which may be downloaded here, what lies outside it, and its card."""
-    path = local_file(_card(name, model_card), model, "--model")
+    path = local_file(_card(name, card), segmenter_weights, "--segmenter-weights")
     # The usual names of weights that an ONNX file leaves out: Hugging Face's, and torch's.
     outside = {s: path.with_name(path.name + s) for s in ("_data", ".data")}
     beside = {f"model{s}": data for s, data in outside.items() if data.is_file()}
-    return {"model": path, **beside, "card": model_card or card_path(name)}
+    return {"model": path, **beside, "card": card or card_path(name)}
 
 
-def _card(name: str, model_card: Path | None) -> Card:
-    return card_of("segments", name) if model_card is None else read_card(model_card)
+def _card(name: str, card: Path | None) -> Card:
+    return card_of("segments", name) if card is None else read_card(card)
 
 
 def detect(

@@ -232,7 +232,7 @@ def test_the_job_for_the_whole_release(shared, tmp_path):
             archive.extractall(tmp_path, filter="data")
     place = next(tmp_path.rglob("text_all")).parent
     changes = {
-        "detect.source": f"rsa-release:{place}",
+        "detect.segments": f"rsa-release:{place}",
         "captions.style": f"release-text:{place}",
         "embed.encoder": "minilm",
     }

@@ -17,11 +17,53 @@ def run(*words: str, **more):
     )
 
 
-@pytest.mark.parametrize("name", main.COMMANDS)
+@pytest.mark.parametrize("name", main.names())
 def test_every_command_has_help_with_an_example(name):
     result = CliRunner().invoke(main.cli, [name, "--help"])
     assert result.exit_code == 0, result.output
     assert f"rsa-data {name}" in result.output
+    assert main.load(name).help.partition("\n")[0] == main.short_help(name)
+
+
+def test_help_loads_no_command():
+    code = (
+        "import sys, time; from rsa_data.cli.main import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'pyarrow', 'torch', 'pandas', 'onnxruntime'} & set(sys.modules)\n"
+        "print(heavy or 'light', time.process_time())"
+    )
+    words = [sys.executable, "-c", code, "--help"]
+    last = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    word, seconds = last.split()
+    assert word == "light" and float(seconds) < 0.4
+
+
+def test_the_package_shows_its_public_names_only():
+    import rsa_data
+
+    assert dir(rsa_data) == sorted(rsa_data.__all__)
+
+
+def test_old_spellings_in_a_pipeline_file_and_in_its_changes(tmp_path):
+    """The old names bind; the file is then refused for what it lacks, not for the names."""
+    file = tmp_path / "old.toml"
+    file.write_text(
+        "[dataset.synthetic-indoor]\n[dataset.synthetic-indoor.depth]\n"
+        'depth_model = "tu2020"\nweights = "d.onnx"\n'
+        '[detect]\nsource = "yolox-nano"\n[captions]\n[embed]\nencoder = "minilm"\n'
+    )
+    changes = ["detect.model=y.onnx", "detect.source=fastestdet", "embed.weights=w"]
+    words = [word for change in changes for word in ("--set", change)]
+    ended = run("plan", "run", str(file), *words, "--set", "captions.stile=x", cwd=tmp_path)
+    warnings = [line for line in ended.stderr.splitlines() if line.startswith("warning: ")]
+    assert sorted(warnings) == [
+        "warning: --model is now --segmenter-weights",
+        "warning: --source is now --segments",
+        "warning: --weights is now --depth-weights",
+        "warning: --weights is now --encoder-weights",
+    ]
+    assert ended.returncode == 2 and "Did you mean 'style'?" in ended.stderr
 
 
 @pytest.mark.parametrize(

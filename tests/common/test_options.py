@@ -1,11 +1,10 @@
 """Options come from signatures: bound, converted, refused by name."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import click
 import pytest
-from click.testing import CliRunner
 
 from rsa_data.common import options
 from rsa_data.common.errors import UsageError
@@ -76,19 +75,6 @@ def test_help_is_the_first_sentence():
     assert options.help_text(paint, "dry") == ""
 
 
-def test_a_command_from_a_signature():
-    @click.command()
-    @options.click_options(paint)
-    def command(**given):
-        click.echo(repr(paint(**given)))
-
-    run = CliRunner().invoke
-    assert run(command, []).output == "('red', 2, None, None, False)\n"
-    given = ["--colour", "blue", "--share", "0.5", "--file", "x", "--dry"]
-    assert run(command, given).output == f"('blue', 2, 0.5, {Path('x')!r}, True)\n"
-    assert "How many times it is painted." in run(command, ["--help"]).output
-
-
 def test_a_whole_number_that_no_float_can_hold_is_refused():
     def build(*, rate: float = 0.0) -> None:
         """rate : how fast."""
@@ -96,3 +82,44 @@ def test_a_whole_number_that_no_float_can_hold_is_refused():
     assert options.bind(build, {"rate": 3}, "x") == {"rate": 3.0}
     with pytest.raises(UsageError, match="x: rate: expected float, found 1000"):
         options.bind(build, {"rate": 10**400}, "x")
+
+
+@dataclass(frozen=True)
+class Brush:
+    """What it is painted with.
+
+    width : of the brush, cm.
+    """
+
+    width: float = 5.0
+    hair: str | None = None
+
+
+def varnish(*, coats: int = 1, brush: Brush = Brush()):
+    """coats : how often."""
+    return coats, brush
+
+
+def test_fields_of_a_group_are_options():
+    assert list(options.parameters(varnish)) == ["coats", "width", "hair"]
+    assert options.help_text(varnish, "width") == "of the brush, cm"
+    bound = options.bind(varnish, {"width": "7", "coats": 2}, "job")
+    assert bound == {"coats": 2, "width": 7.0, "hair": None}
+    assert options.call(varnish, **bound) == (2, Brush(7.0))
+
+
+@pytest.mark.parametrize("name", ["source", "model", "model_card"])
+def test_old_names_are_taken_with_a_warning(name):
+    @options.accepts_old_names("detect")
+    def detect(*, segments: str = "s", segmenter_weights: str = "w", card: str = "c"):
+        return {"source": segments, "model": segmenter_weights, "model_card": card}[name]
+
+    new = options.RENAMED["detect"][name]
+    with pytest.warns(options.RenamedOption, match=f"^{options.flag(name)} is now "):
+        assert detect(**{name: "x"}) == "x"
+    with pytest.warns(options.RenamedOption):
+        bound = options.bind(detect, {name: "x"}, "detect")
+    assert bound[new] == "x" and len(bound) == 3
+    assert options.stored(detect, bound)[name] == "x"
+    with pytest.raises(UsageError, match="given twice"):
+        detect(**{new: 1, name: 2})

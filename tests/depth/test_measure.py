@@ -297,7 +297,7 @@ def test_a_real_model_on_real_frames(shared):
     """y covers the model's centre crop; its fit is that of the map stored for the test split."""
     root = shared / "rgbd" / "7scenes"
     weights = shared / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx"
-    made = build(dataset=ROOMS, root=root, depth_model="tu2020", weights=weights)
+    made = build(dataset=ROOMS, root=root, depth_model="tu2020", depth_weights=weights)
     frame = ("frame-000500.color.jpg", "frame-000500.depth.png")
     train, test = made(samples(("a", "train", *frame), ("a", "test", *frame))).to_pylist()
     y, gt = (
@@ -333,7 +333,7 @@ def test_no_pixels_are_refused(rooms):
 
 @pytest.mark.parametrize(
     ("output", "says"),
-    [(np.zeros((1, 3549, 85)), "one map of depth"), (None, "Is --weights the file")],
+    [(np.zeros((1, 3549, 85)), "one map of depth"), (None, "Is --depth-weights the file")],
     ids=["another output", "another input"],
 )
 def test_a_file_of_another_model_is_refused(output, says):

@@ -197,8 +197,8 @@ def test_unknown_encoder_names_the_nearest():
 def test_missing_weights_say_where():
     from pathlib import Path
 
-    with pytest.raises(UsageError, match=r"no/such/file is not there"):
-        build(encoder="clip-rn50", weights=Path("no/such/file"))
+    with pytest.raises(UsageError, match=r"no file or folder at no/such/file"):
+        build(encoder="clip-rn50", encoder_weights=Path("no/such/file"))
 
 
 def test_weights_of_another_architecture_are_refused(tmp_path):

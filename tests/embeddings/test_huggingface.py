@@ -131,7 +131,7 @@ def test_features_equal_transformers_text_by_text(save, tmp_path):
 def test_a_head_finds_its_encoder_again_by_the_folder(tmp_path):
     save_clip(tmp_path)
     step = build(encoder=f"hf:{tmp_path}", runtime="torch", store="float32")
-    again = encode(TEXTS, encoder=f"hf-{tmp_path.name}", weights=tmp_path)
+    again = encode(TEXTS, encoder=f"hf-{tmp_path.name}", encoder_weights=tmp_path)
     np.testing.assert_allclose(again, schemas.embedding_array(step(captions(TEXTS))), atol=1e-6)
 
 

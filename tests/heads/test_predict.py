@@ -233,8 +233,8 @@ def test_an_image_is_described_by_a_detector_and_made_metric(work, shared, tmp_p
     (p,) = predict(
         work,
         image=image,
-        segmenter="yolox-nano",
-        segmenter_model=models / "yolox_nano.onnx",
+        segments="yolox-nano",
+        segmenter_weights=models / "yolox_nano.onnx",
         depth_weights=models / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
         intrinsics="570,570,320,240",
         out=tmp_path / "room.ply",
@@ -254,8 +254,8 @@ def test_a_folder_of_frames_is_smoothed_and_keeps_its_names(work, shared, tmp_pa
     models = shared / "models"
     given = {
         "image": frames,
-        "segmenter": "yolox-nano",
-        "segmenter_model": models / "yolox_nano.onnx",
+        "segments": "yolox-nano",
+        "segmenter_weights": models / "yolox_nano.onnx",
         "depth_weights": models / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
     }
     raw = predict(work, **given).predictions

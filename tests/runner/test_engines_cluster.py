@@ -202,7 +202,7 @@ def test_a_head_that_is_lost_ends_the_command(tmp_path, cluster, undisturbed, si
 @pytest.mark.filterwarnings("ignore")
 def test_workers_get_a_gpu_each_and_share_when_there_are_more_of_them(tmp_path):
     ray = pytest.importorskip("ray")
-    detect = stages.bind("detect", {"source": "labels", "device": "cuda"})
+    detect = stages.bind("detect", {"segments": "labels", "device": "cuda"})
     job = jobs.job(rooms.made(tmp_path), detect, "rooms")
     ray.init(address="local", num_cpus=8, num_gpus=2, include_dashboard=False)
     try:
@@ -231,7 +231,7 @@ def gpus_of(ray, job: jobs.Job, workers: int) -> list[str]:
 @pytest.mark.filterwarnings("ignore")
 def test_a_machine_without_the_gpu_that_workers_need_says_so_at_once(tmp_path):
     ray = pytest.importorskip("ray")
-    options = {"source": "labels", "device": "cuda", "threads": 3}
+    options = {"segments": "labels", "device": "cuda", "threads": 3}
     job = jobs.job(rooms.made(tmp_path), stages.bind("detect", options), "rooms")
     if any(Path("/dev").glob("nvidia[0-9]*")):
         pytest.skip("there is a GPU")

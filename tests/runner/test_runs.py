@@ -307,7 +307,7 @@ def test_mended_inputs_are_taken_in_by_retry_failed(tmp_path):
         return result.output
 
     wanted = ("--dataset", "folder:mine", "--root", images, "--dataset-option", "part_size=2")
-    call("detect", *wanted, "--source", f"labels:{labels}", "--names", "nyu13")
+    call("detect", *wanted, "--segments", f"labels:{labels}", "--names", "nyu13")
     call("captions", "--dataset", "mine", "--segments", "labels", "--style", "classes")
     segments, captions_ = (
         WorkDir(work).table("mine", name) for name in ("segments/labels", "captions/classes")

@@ -12,4 +12,8 @@ def own(tmp_path):
     write_semantic(tmp_path / "m.onnx")
     for name, colour in (("r", (200, 0, 0)), ("g", (0, 200, 0)), ("b", (0, 0, 200))):
         Image.new("RGB", (6, 5), colour).save(tmp_path / f"{name}.png")
-    return {"source": "mine", "model": tmp_path / "m.onnx", "model_card": tmp_path / "card.toml"}
+    return {
+        "segments": "mine",
+        "segmenter_weights": tmp_path / "m.onnx",
+        "card": tmp_path / "card.toml",
+    }

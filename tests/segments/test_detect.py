@@ -17,15 +17,15 @@ from rsa_data.store import schemas
 
 def test_wrong_calls(tmp_path):
     with pytest.raises(UsageError, match="Did you mean 'yolox-nano'"):
-        run(tmp_path, [], source="yolox-nan")
+        run(tmp_path, [], segments="yolox-nan")
     with pytest.raises(UsageError, match="takes no argument, found 'x'"):
-        run(tmp_path, [], source="yolox-nano:x")
+        run(tmp_path, [], segments="yolox-nano:x")
     with pytest.raises(RsaDataError, match="expected the dataset's images; found no folder"):
-        run(None, [], source="yolox-nano")
+        run(None, [], segments="yolox-nano")
     with pytest.raises(
-        RsaDataError, match="its card names no download; give the file with --model"
+        RsaDataError, match="its card names no download; give the file with --segmenter-weights"
     ):
-        detect.files(source="maskformer")
+        detect.files(segments="maskformer")
 
 
 @pytest.mark.parametrize("name", sorted(SEGMENTERS))
@@ -58,7 +58,7 @@ BASEMENT, PEOPLE = "rgbd/nyuv2/rgb_00050.jpg", "panoptic_coco/000000142238.jpg"
 
 
 def labels(shared, name, images):
-    found = run(shared, images, source=name, model=shared / "models" / REAL[name])
+    found = run(shared, images, segments=name, segmenter_weights=shared / "models" / REAL[name])
     assert found["status"].to_pylist() == ["ok"] * len(images)
     return found["label"].to_pylist()
 
@@ -88,7 +88,12 @@ def test_semantic_models_find_what_is_there(shared):
 
 def test_overlap_with_the_people_of_the_annotation(shared):
     """Boxes of yolox-nano against COCO's own of 142238: most people found, boxes that fit."""
-    found = run(shared, [PEOPLE], source="yolox-nano", model=shared / "models" / REAL["yolox-nano"])
+    found = run(
+        shared,
+        [PEOPLE],
+        segments="yolox-nano",
+        segmenter_weights=shared / "models" / REAL["yolox-nano"],
+    )
     ours = np.array(found["box"][0].as_py())
     content = json.loads((shared / "panoptic_coco" / "panoptic_examples.json").read_text())
     infos = content["annotations"][0]["segments_info"]
@@ -108,7 +113,10 @@ def test_overlap_with_the_people_of_the_annotation(shared):
 def test_features_are_those_of_the_kept_cells(shared):
     """NanoDet's distance bins as features: the rows of the cells that were kept."""
     card = tomllib.loads(cards.card_path("yolox-nano").read_text())
-    options = {"source": "yolox-nano", "model": shared / "models" / REAL["yolox-nano"]}
+    options = {
+        "segments": "yolox-nano",
+        "segmenter_weights": shared / "models" / REAL["yolox-nano"],
+    }
     found = run(shared, [STREET], **options, features=card["output"]["predictions"])
     features = np.stack([np.frombuffer(f, "<f4") for f in found["feature"][0].as_py()])
     assert features.shape == (len(found["label"][0]), 85)
@@ -122,12 +130,17 @@ def test_a_copy_of_a_model_and_its_card_gives_the_same(shared, tmp_path):
     """Nothing hangs on names or places: only on the bytes of model and card."""
     shutil.copy(cards.card_path("yolox-nano"), tmp_path / "any.toml")
     shutil.copy(shared / "models" / REAL["yolox-nano"], tmp_path / "any.onnx")
-    one = run(shared, [STREET], source="yolox-nano", model=shared / "models" / REAL["yolox-nano"])
+    one = run(
+        shared,
+        [STREET],
+        segments="yolox-nano",
+        segmenter_weights=shared / "models" / REAL["yolox-nano"],
+    )
     two = run(
         shared,
         [STREET],
-        source="any",
-        model=tmp_path / "any.onnx",
-        model_card=tmp_path / "any.toml",
+        segments="any",
+        segmenter_weights=tmp_path / "any.onnx",
+        card=tmp_path / "any.toml",
     )
     assert schemas.digest(one) == schemas.digest(two)

@@ -19,7 +19,7 @@ def test_a_model_of_ones_own_needs_no_code(own, tmp_path):
         {"label": [], "area": [], "width": 6, "height": 5, "is_thing": []},
         {"label": ["blue"], "area": [1.0], "width": 6, "height": 5, "is_thing": [False]},
     ]
-    assert detect.files(**own) == {"model": own["model"], "card": own["model_card"]}
+    assert detect.files(**own) == {"model": own["segmenter_weights"], "card": own["card"]}
     weights = tmp_path / "m.onnx.data"
     weights.write_bytes(b"weights that the graph leaves out")
     assert detect.files(**own)["model.data"] == weights
@@ -117,7 +117,7 @@ def test_odd_images_are_read(own, tmp_path):
     ],
 )
 def test_a_card_that_does_not_fit_the_graph(own, tmp_path, old, new, message):
-    own["model_card"].write_text(CARD.replace(old, new))
+    own["card"].write_text(CARD.replace(old, new))
     with pytest.raises(RsaDataError, match=message):
         run(tmp_path, ["r.png"], **own)
 
@@ -125,7 +125,7 @@ def test_a_card_that_does_not_fit_the_graph(own, tmp_path, old, new, message):
 def test_shapes_that_only_a_run_tells(own, tmp_path):
     """Sides left open in the graph: the first picture is tried before the first part is begun."""
     write_graph(
-        own["model"],
+        own["segmenter_weights"],
         [
             ("ReduceMin", ["x"], ["least"], {"keepdims": 0}),
             ("Mul", ["least", "zero"], ["nothing"]),
@@ -145,18 +145,18 @@ def test_shapes_that_only_a_run_tells(own, tmp_path):
 
 def test_nan_is_quarantined(own, tmp_path):
     write_graph(
-        own["model"],
+        own["segmenter_weights"],
         [("Log", ["x"], ["y"])],
         [("x", ["b", 3, 4, 4])],
         [("y", ["b", 3, 4, 4])],
     )
-    own["model_card"].write_text(CARD.replace("[output]", "mean = [1, 1, 1]\n[output]"))
+    own["card"].write_text(CARD.replace("[output]", "mean = [1, 1, 1]\n[output]"))
     found = run(tmp_path, ["r.png"], **own)
     assert found["error"].to_pylist() == ["the model's output y holds nan or inf"]
 
 
 def test_batches_where_the_graph_takes_one(own, tmp_path):
-    write_semantic(own["model"], batch=1)
+    write_semantic(own["segmenter_weights"], batch=1)
     with pytest.raises(UsageError, match="its graph takes one image at a time, not 4"):
         run(tmp_path, ["r.png"], **own, batch=4)
 
@@ -228,7 +228,11 @@ def test_inputs_besides_the_picture(tmp_path):
         """
     )
     Image.new("RGB", (32, 64)).save(tmp_path / "a.png")
-    options = {"source": "x", "model": tmp_path / "m.onnx", "model_card": tmp_path / "card.toml"}
+    options = {
+        "segments": "x",
+        "segmenter_weights": tmp_path / "m.onnx",
+        "card": tmp_path / "card.toml",
+    }
     (row,) = run(tmp_path, ["a.png"], **options).to_pylist()
     assert row["box"] == [[0, 0, 16, 32], [16, 32, 32, 48]]
     assert row["score"] == [pytest.approx(0.9), pytest.approx(0.8)]
@@ -238,11 +242,11 @@ def test_float16_graphs(own, tmp_path):
     """Input and output in float16, as the default model's file may have them."""
     import onnx
 
-    model = onnx.load(own["model"])
+    model = onnx.load(own["segmenter_weights"])
     for value in (*model.graph.input, *model.graph.output, *model.graph.value_info):
         value.type.tensor_type.elem_type = onnx.TensorProto.FLOAT16
     whole = run(tmp_path, ["r.png", "b.png"], **own)
-    onnx.save(model, own["model"])
+    onnx.save(model, own["segmenter_weights"])
     half = run(tmp_path, ["r.png", "b.png"], **own)
     assert half["label"].to_pylist() == whole["label"].to_pylist() == [["red"], ["blue"]]
 
@@ -259,8 +263,8 @@ def test_a_limit_on_pixels(own, tmp_path):
 
 
 def test_a_card_of_ones_own_names_its_table(own):
-    del own["source"]
-    message = "name its table, --source card for instance"
+    del own["segments"]
+    message = "name its table, --segments card for instance"
     with pytest.raises(UsageError, match=message):
         detect.build(dataset=DATASET, root=None, **own)
     with pytest.raises(UsageError, match=message):
@@ -271,8 +275,8 @@ def test_memory_does_not_grow_with_the_images(own, tmp_path):
     """Only some images are in flight, however many there are."""
     from rsa_data.segments import graph, onnx
 
-    card = cards.read_card(own["model_card"])
-    detector = graph.load(card, own["model"], table=graph.class_table(card))
+    card = cards.read_card(own["card"])
+    detector = graph.load(card, own["segmenter_weights"], table=graph.class_table(card))
     begun, most, ended = 0, 0, 0
 
     def read(path):

@@ -26,7 +26,7 @@ DATASET = Dataset(
 
 def run(source, images, root=None, **options):
     samples = pa.table({"sample_id": images, "image": pa.array(images, pa.string())})
-    found = detect.build(dataset=DATASET, root=root, source=source, **options)(samples)
+    found = detect.build(dataset=DATASET, root=root, segments=source, **options)(samples)
     schemas.check("segments", found)
     return found.to_pylist()
 

@@ -34,7 +34,7 @@ def run(source, images, width=10, height=8, root=None, **options):
             "height": pa.array([height] * count, pa.int32()),
         }
     )
-    found = detect.build(dataset=DATASET, root=root, source=source, **options)(samples)
+    found = detect.build(dataset=DATASET, root=root, segments=source, **options)(samples)
     schemas.check("segments", found)
     return found.to_pylist()
 
@@ -133,7 +133,7 @@ def test_annotations_bring_images_sizes_and_classes(tmp_path):
     results = [{"image_id": "x1", "category_id": 5, "bbox": [0, 0, 5, 4], "score": 0.5}]
     source = write(tmp_path / "r.json", results) + f":{tmp_path / 'a.json'}"
     assert run(source, ["val/left.jpg"])[0]["area"] == [0.25]
-    assert set(detect.files(source=source)) == {"results", "images"}
+    assert set(detect.files(segments=source)) == {"results", "images"}
 
 
 def test_sizes_come_from_the_images(tmp_path):

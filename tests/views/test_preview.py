@@ -71,10 +71,10 @@ def test_the_command_draws_a_sheet(tmp_path, monkeypatch):
         Image.new("RGB", (80, 60), (200, 0, 0)).save(tmp_path / "images" / f"{k}.png")
     (tmp_path / "mine.toml").write_text(CARD)
     write_semantic(tmp_path / "m.onnx")
-    arguments = "detect --dataset folder:trip --root images --source mine --model m.onnx"
-    done = CliRunner().invoke(
-        cli, [*arguments.split(), "--model-card", "mine.toml", "--preview", "5"]
+    arguments = (
+        "detect --dataset folder:trip --root images --segments mine --segmenter-weights m.onnx"
     )
+    done = CliRunner().invoke(cli, [*arguments.split(), "--card", "mine.toml", "--preview", "5"])
     assert done.exit_code == 0, done.output
     assert "preview: preview-trip-mine.png" in done.output
     sheet = np.asarray(Image.open("preview-trip-mine.png"))

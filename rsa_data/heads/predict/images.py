@@ -52,19 +52,29 @@ def images_below(place: Path) -> list[str]:
 
 
 def tell(
-    about: dict[str, Any], place: Path, names: list[str], segmenter: str | None, model: Path | None
+    about: dict[str, Any],
+    place: Path,
+    names: list[str],
+    segments: str | None = None,
+    weights: Path | None = None,
+    card: Path | None = None,
 ) -> list[str]:
     """A caption of each image in the style that the head was trained on.
 
     about : head.json. Raises RsaDataError for an image that cannot be read.
     """
-    _, captions = look(about, place, names, segmenter, model)
+    _, captions = look(about, place, names, segments, weights, card)
     texts = dict(zip(captions["sample_id"].to_pylist(), captions["text"].to_pylist(), strict=True))
     return [texts[name] for name in names]
 
 
 def look(
-    about: dict[str, Any], place: Path, names: list[str], segmenter: str | None, model: Path | None
+    about: dict[str, Any],
+    place: Path,
+    names: list[str],
+    segments: str | None = None,
+    weights: Path | None = None,
+    card: Path | None = None,
 ) -> "tuple[pa.Table, pa.Table]":
     """Segments and plain captions of each image, as the head's tables have them; see `tell`."""
     import pyarrow as pa
@@ -82,17 +92,17 @@ def look(
         for n in names
     ]
     samples = pa.Table.from_pylist(rows, schemas.schema("samples"))
-    source = segmenter or _segmenter_of(about)
-    try:
-        segments = detect.build(dataset=folder(), root=root, source=source, model=model)(samples)
-    except RsaDataError as error:
-        # What detect calls --model is --segmenter-model here.
-        told = str(error).replace("--model FILE of `rsa-data detect`", "--segmenter-model FILE")
-        raise type(error)(told) from error
-    for row in segments.select(["status", "error"]).to_pylist():
+    found = detect.build(
+        dataset=folder(),
+        root=root,
+        segments=segments or _segmenter_of(about),
+        segmenter_weights=weights,
+        card=card,
+    )(samples)
+    for row in found.select(["status", "error"]).to_pylist():
         if row["status"] != "ok":
             raise RsaDataError(f"--image: {row['error']}")
-    return segments, write.build(**{**options, "variants": 1})(segments, samples)
+    return found, write.build(**{**options, "variants": 1})(found, samples)
 
 
 def _segmenter_of(about: dict[str, Any]) -> str:

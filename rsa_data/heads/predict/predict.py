@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ...common.errors import RsaDataError, UsageError
+from ...common.options import accepts_old_names
 from ...store.tables import WorkDir
 from ..metric import to_metric
 from . import known_depth
@@ -68,6 +69,7 @@ class Predicted:
         return "\n".join(line for p in self.predictions for line in p.lines)
 
 
+@accepts_old_names("predict")
 def predict(
     work: WorkDir,
     *,
@@ -75,9 +77,10 @@ def predict(
     caption: tuple[str, ...] = (),
     captions: Path | None = None,
     image: Path | None = None,
-    segmenter: str | None = None,
-    segmenter_model: Path | None = None,
-    weights: Path | None = None,
+    segments: str | None = None,
+    segmenter_weights: Path | None = None,
+    card: Path | None = None,
+    encoder_weights: Path | None = None,
     relative: Path | None = None,
     depth_weights: Path | None = None,
     known: tuple[str, ...] = (),
@@ -98,9 +101,10 @@ def predict(
     caption : description of the scene; may be repeated. With --image, one describes all frames.
     captions : file with a caption a line.
     image : image, or folder of images, that a detector describes, unless --caption does.
-    segmenter : what finds the objects; see `rsa-data list segmenters`.
-    segmenter_model : file of its weights, instead of the download.
-    weights : file with the text encoder's weights, where it is not found by itself.
+    segments : what finds the objects; see `rsa-data list segmenters`.
+    segmenter_weights : file of its weights, instead of the download.
+    card : model card (TOML) of a segmenter of your own.
+    encoder_weights : file with the text encoder's weights, where it is not found by itself.
     relative : relative depth, .npy or 16-bit PNG (value / 65535), or a folder of maps named like
         the images. By default the head's depth model runs on the images.
     depth_weights : file of the depth model's weights, instead of the download.
@@ -120,7 +124,7 @@ def predict(
     texts = [*caption, *_lines(captions)]
     if names and not texts:
         assert image is not None
-        texts = tell(loaded.description, image, names, segmenter, segmenter_model)
+        texts = tell(loaded.description, image, names, segments, segmenter_weights, card)
     elif names and len(texts) == 1:
         texts *= len(names)
     if not texts:
@@ -132,7 +136,7 @@ def predict(
         )
     if not names and len(texts) > 1 and (relative or out):
         raise UsageError("predict: --relative and --out without --image take one --caption")
-    found = from_captions(loaded, texts, weights)
+    found = from_captions(loaded, texts, encoder_weights)
     if smooth > 1:
         _smooth(found, smooth)
     if relative is None and not (names and (out or known or range)):

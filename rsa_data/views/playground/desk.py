@@ -27,15 +27,16 @@ class Models:
     """What answers: loaded once, shared by all who look at the page.
 
     encode : captions -> features, with the encoder in memory.
-    segmenter, segmenter_model, depth_weights : for pictures that are no sample of the work dir.
+    segments, segmenter_weights, card, depth_weights : for pictures of the user's own.
     """
 
     work: WorkDir
     head: ScaleHead
     name: str
     encode: Any
-    segmenter: str | None = None
-    segmenter_model: Path | None = None
+    segments: str | None = None
+    segmenter_weights: Path | None = None
+    card: Path | None = None
     depth_weights: Path | None = None
 
 
@@ -143,7 +144,7 @@ def of_file(models: Models, path: Path) -> Picture:
     about, caption, segments, why = models.head.description, "An image.", None, []
     try:
         found, captions = images.look(
-            about, path, [path.name], models.segmenter, models.segmenter_model
+            about, path, [path.name], models.segments, models.segmenter_weights, models.card
         )
         caption = captions["text"][0].as_py()
         row = from_row(found.to_pylist()[0])
