@@ -2,6 +2,7 @@
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nicegui import events, run, ui
@@ -48,7 +49,7 @@ class Page:
                     self.note = ui.label().classes("text-sm")
                 with self._part("Points in metres: drag to turn"):
                     self.space = ui.scene(width=_WIDTH, height=345, grid=False)
-                    self.points: ui.scene.point_cloud | None = None
+                    self.points: Any = None  # of ui.scene, which has no type of its own
                 with self._part("Metric depth: click two points"):
                     self.map = ui.interactive_image(
                         size=(_WIDTH, 340), on_mouse=self._marked, cross=True
