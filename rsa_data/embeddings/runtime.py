@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..common.digests import file_sha256
 from ..common.errors import UsageError
 from .encoder import Batch, TextModel
 
@@ -69,8 +70,6 @@ def runners(
     where : as `choose` gives it.
     """
     import torch
-
-    from ..runner.fingerprints import file_sha256
 
     torch.set_num_threads(threads)
     if where[0] == "onnx":

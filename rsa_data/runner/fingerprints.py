@@ -1,11 +1,10 @@
 """What a table follows from (options, model files, input parts), hence what is done and stale."""
 
-import hashlib
 import platform
 from functools import cache
 from importlib import metadata
-from pathlib import Path
 
+from ..common.digests import file_sha256
 from ..common.options import stored
 from ..store import schemas
 from ..store.tables import Description, fingerprint
@@ -43,13 +42,6 @@ def describe(job: Job) -> Description:
 def same(old: Description, new: Description) -> bool:
     """Whether two descriptions of a table promise the same content."""
     return fingerprint(old.identifying()) == fingerprint(new.identifying())
-
-
-@cache
-def file_sha256(path: str) -> str:
-    """sha256 of a file, read once a process."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @cache

@@ -1,0 +1,17 @@
+"""sha256 of files."""
+
+import hashlib
+from functools import cache
+from pathlib import Path
+
+
+@cache
+def file_sha256(path: str) -> str:
+    """sha256 of a file, read once a process."""
+    return read_sha256(Path(path))
+
+
+def read_sha256(path: Path) -> str:
+    """sha256 of a file as it is now."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
