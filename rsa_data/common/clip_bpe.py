@@ -66,7 +66,7 @@ def vocabulary() -> Path:
         return local_file(card, option=None)
     except RsaDataError as error:
         raise RsaDataError(
-            f"{error}. A package that has it serves as well: pip install osam"
+            f"{error}. The package osam has the file as well: pip install osam"
         ) from error
 
 
@@ -107,7 +107,8 @@ def _tokenizer(lines: str) -> "tokenizers.Tokenizer":
     """The encoding without its start and end tokens; it takes text in lower case."""
     from tokenizers import Regex, Tokenizer, models, pre_tokenizers
 
-    merges = [tuple(line.split()) for line in lines.split("\n")[1 : _MERGES + 1]]
+    pairs = (line.split() for line in lines.split("\n")[1 : _MERGES + 1])
+    merges = [(first, second) for first, second in pairs]
     letters = _byte_letters()
     tokens = [*letters, *(letter + _SUFFIX for letter in letters), *map("".join, merges)]
     numbers = {token: number for number, token in enumerate(tokens)}

@@ -1,6 +1,7 @@
 """Where all-MiniLM-L6-v2 lies on this machine: known by its bytes, wherever they come from."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 
@@ -38,10 +39,8 @@ def folder_with(file: str) -> Path:
 
 
 def _folders() -> Iterator[Path]:
-    try:
+    with suppress(metadata.PackageNotFoundError):
         yield Path(str(metadata.distribution(_PACKAGE).locate_file(_FOLDER)))
-    except metadata.PackageNotFoundError:
-        pass
     from huggingface_hub import try_to_load_from_cache
 
     for file in SHA256:

@@ -126,7 +126,7 @@ def _quiet() -> Iterator[None]:
     """Silences transformers' reports and bars; what is wrong is raised here."""
     from transformers.utils import logging as theirs
 
-    theirs.disable_progress_bar()
+    theirs.disable_progress_bar()  # type: ignore[no-untyped-call]
     logger = logging.getLogger("transformers")
     before = logger.level
     logger.setLevel(logging.CRITICAL)

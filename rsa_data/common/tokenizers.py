@@ -1,18 +1,21 @@
 """Tokenizers as captions and text encoders see them: counts, ids, the limit, a fingerprint."""
 
 import hashlib
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
 
-from . import clip_bpe, forms
+from . import clip_bpe, typed
 from . import minilm as minilm_model
 from .errors import RsaDataError
+
+# More tokens than any encoder reads.
+Limit = Annotated[int, msgspec.Meta(ge=1, le=2**14)]
 
 Ids = Sequence[Sequence[int]]
 """Tokens of each text, start and end included, cut at what the encoder reads."""
@@ -56,6 +59,14 @@ class Tokenizer:
         ids = self.ids(texts)
         truncated = np.fromiter((len(row) > limit for row in ids), bool, len(ids))
         return [self.cut(row, limit) if len(row) > limit else row for row in ids], truncated
+
+
+class _Config(msgspec.Struct, frozen=True):
+    """What the files of a model's folder say of the tokens that it reads."""
+
+    max_seq_length: Limit | None = None
+    max_position_embeddings: Limit | None = None
+    text_config: "_Config | None" = None
 
 
 def keep_last(ids: list[int], limit: int) -> list[int]:
@@ -138,19 +149,20 @@ def _limit(folder: Path) -> int:
     """The most tokens that the model of a folder reads, by what its files say."""
     sentence = folder / "sentence_bert_config.json"
     if sentence.is_file():
-        return _read(sentence, {"max_seq_length": "a side in px"})["max_seq_length"]
-    limit = {"max_position_embeddings?": "a side in px"}
-    config = _read(folder / "config.json", {"text_config?": "an object or nothing", **limit})
-    for part in (config.get("text_config") or {}, config):
-        if "max_position_embeddings" in forms.check(part, limit, f"{folder}/config.json"):
-            return part["max_position_embeddings"]
+        if (limit := _read(sentence).max_seq_length) is None:
+            raise RsaDataError(f"{sentence}: expected max_seq_length, found nothing")
+        return limit
+    config = _read(folder / "config.json")
+    for part in (config.text_config, config):
+        if part is not None and part.max_position_embeddings is not None:
+            return part.max_position_embeddings
     raise RsaDataError(
         f"{folder}/config.json: expected max_position_embeddings, the tokens that the model reads"
     )
 
 
-def _read(path: Path, form: Any) -> Any:
+def _read(path: Path) -> "_Config":
     try:
-        return forms.check(json.loads(path.read_text("utf-8")), form, str(path))
-    except (OSError, ValueError, RecursionError) as error:
+        return typed.parse(path.read_bytes(), _Config, str(path))
+    except OSError as error:
         raise RsaDataError(f"{path}: expected JSON: {error}") from error

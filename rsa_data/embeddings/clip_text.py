@@ -27,7 +27,8 @@ class Attention(nn.Module):
         q, k, v = self._along(x, paths, 3)  # (heads, b, t, width / heads)
         x = F.scaled_dot_product_attention(q, k, v, is_causal=True)
         x = x.flatten(1, 2).index_select(1, places)  # (heads, m, width / heads)
-        return self.out_proj(x.transpose(0, 1).flatten(1))  # (m, width)
+        x = self.out_proj(x.transpose(0, 1).flatten(1))  # (m, width)
+        return x
 
     def at_ends(self, x: torch.Tensor, paths: torch.Tensor, ends: torch.Tensor) -> torch.Tensor:
         """The same for the texts' last nodes only. x : (m, width). Returns (b, width)."""
@@ -39,13 +40,16 @@ class Attention(nn.Module):
         # Nodes are numbered upwards along a path, and behind its end stands node 0.
         seen = (paths > 0) | (torch.arange(paths.shape[1], device=x.device) == 0)  # (b, t)
         x = F.scaled_dot_product_attention(q, k, v, attn_mask=seen[:, None])
-        return self.out_proj(x.squeeze(2).transpose(0, 1).flatten(1))  # (b, width)
+        x = self.out_proj(x.squeeze(2).transpose(0, 1).flatten(1))  # (b, width)
+        return x
 
     def _along(self, x: torch.Tensor, paths: torch.Tensor, parts: int) -> torch.Tensor:
         """Rows of nodes, (m, parts * width), to (parts, heads, b, t, width / heads)."""
         # The few nodes are brought into the order that attention wants, before they are repeated.
         x = x.view(x.shape[0], parts, self.heads, -1).permute(1, 2, 0, 3)
-        return x.index_select(2, paths.flatten()).unflatten(2, paths.shape)
+        x = x.index_select(2, paths.flatten())
+        x = x.unflatten(2, paths.shape)  # type: ignore[no-untyped-call]
+        return x
 
 
 class Mlp(nn.Module):
@@ -59,7 +63,8 @@ class Mlp(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = self.c_fc(x)  # (b, t, 4 * width)
         # QuickGELU: the approximation that CLIP was trained with.
-        return self.c_proj(x * torch.sigmoid(1.702 * x))  # (b, t, width)
+        x = self.c_proj(x * torch.sigmoid(1.702 * x))  # (b, t, width)
+        return x
 
 
 class Block(nn.Module):
@@ -72,11 +77,13 @@ class Block(nn.Module):
 
     def forward(self, x: torch.Tensor, paths: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
         x = x + self.attn(self.ln_1(x), paths, places)
-        return x + self.mlp(self.ln_2(x))
+        x = x + self.mlp(self.ln_2(x))
+        return x
 
     def at_ends(self, x: torch.Tensor, paths: torch.Tensor, ends: torch.Tensor) -> torch.Tensor:
         x = x[ends] + self.attn.at_ends(self.ln_1(x), paths, ends)
-        return x + self.mlp(self.ln_2(x))
+        x = x + self.mlp(self.ln_2(x))
+        return x
 
 
 class TextTower(nn.Module):
@@ -117,4 +124,5 @@ class TextTower(nn.Module):
             x = block(x, paths, places)
         # Of the last layer only the end tokens' rows are read.
         x = self.blocks[-1].at_ends(x, paths, ends)  # (b, width)
-        return self.ln_final(x) @ self.text_projection  # (b, dim)
+        x = self.ln_final(x) @ self.text_projection  # (b, dim)
+        return x

@@ -166,7 +166,10 @@ def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
 def _encoder(encoder: str) -> Encoder[TextModel]:
     name = encoder.partition(":")[0]
     # Tables and heads keep what `hf:DIR` was as `hf-NAME`; where it lies comes with `weights`.
-    return registry.resolve("encoder", registry.ENCODERS, "hf" if name.startswith("hf-") else name)
+    found: Encoder[TextModel] = registry.resolve(
+        "encoder", registry.ENCODERS, "hf" if name.startswith("hf-") else name
+    )
+    return found
 
 
 def _runners(

@@ -101,7 +101,8 @@ def files(
 
 def _encoder(encoder: str) -> Encoder[ImageModel]:
     name = encoder.partition(":")[0]
-    return registry.resolve("image encoder", registry.IMAGE_ENCODERS, name)
+    found: Encoder[ImageModel] = registry.resolve("image encoder", registry.IMAGE_ENCODERS, name)
+    return found
 
 
 def _batches(

@@ -82,7 +82,8 @@ def _module(model: Any, output: str) -> Any:
         def forward(self, ids: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
             # CLIP is causal and finds the end token by itself, SigLIP's texts are all of one
             # length: neither needs to know where the padding begins.
-            return getattr(self.model(input_ids=ids), output)  # (b, dim)
+            features: torch.Tensor = getattr(self.model(input_ids=ids), output)  # (b, dim)
+            return features
 
     return TextFeatures().eval()
 

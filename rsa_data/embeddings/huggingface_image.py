@@ -41,7 +41,8 @@ def load(files: dict[str, Path]) -> ImageModel:
             self.model = model
 
         def forward(self, pixels: torch.Tensor) -> torch.Tensor:
-            features = getattr(self.model(pixel_values=pixels), output, None)  # (b, dim)
+            found = self.model(pixel_values=pixels)
+            features: torch.Tensor | None = getattr(found, output, None)  # (b, dim)
             if features is None:
                 raise RsaDataError(f"{folder}: {kind}: expected a model with a pooled output")
             return features

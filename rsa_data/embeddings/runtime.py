@@ -102,7 +102,8 @@ def in_torch(module: "torch.nn.Module", precision: Precision, device: str) -> Ru
         if device == "cuda":
             # Pinned memory lets the copy run beside the computation.
             tensors = {n: t.pin_memory().to(device, non_blocking=True) for n, t in tensors.items()}
-        return module(**tensors)
+        features: torch.Tensor = module(**tensors)
+        return features
 
     def run(batches: Iterable[Batch]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         waiting: tuple[np.ndarray, torch.Tensor] | None = None

@@ -78,7 +78,7 @@ def _pooling(path: Path) -> str:
             f"{path}: expected pooling of mean_tokens, cls_token or max_tokens; "
             f"found {', '.join(chosen) or 'none'}"
         )
-    return chosen[0]
+    return str(chosen[0])
 
 
 def _tokenize(path: Path, max_tokens: int) -> Any:
