@@ -60,14 +60,14 @@ DECODERS = {
 }
 
 STYLES = {
-    "classes": "rsa_data.captions.styles:classes",
-    "counts": "rsa_data.captions.styles:counts",
-    "occupancy": "rsa_data.captions.styles:occupancy",
-    "occupied": "rsa_data.captions.styles:occupied",
-    "located": "rsa_data.captions.styles:located",
-    "grid": "rsa_data.captions.styles:grid",
-    "intrinsics": "rsa_data.captions.styles:intrinsics",
-    "release": "rsa_data.captions.styles:release",
+    "classes": "rsa_data.captions.wordings.classes:classes",
+    "counts": "rsa_data.captions.wordings.counts:counts",
+    "occupancy": "rsa_data.captions.wordings.occupancy:occupancy",
+    "occupied": "rsa_data.captions.wordings.occupied:occupied",
+    "located": "rsa_data.captions.wordings.located:located",
+    "grid": "rsa_data.captions.wordings.grid:grid",
+    "intrinsics": "rsa_data.captions.wordings.intrinsics:intrinsics",
+    "release": "rsa_data.captions.wordings.release:release",
     "release-text": "rsa_data.captions.natural:release_text",
     "import": "rsa_data.captions.natural:import_texts",
     "vlm": "rsa_data.captions.vlm:vlm",

@@ -1,4 +1,4 @@
 """The stage captions: segments become texts within a text encoder's reach.
 
-Imports runner and below, no other stage. Start at `write.py`; wordings are in `styles.py`.
+Imports runner and below, no other stage. Start at `write.py`; wordings are in `wordings/`.
 """

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from . import chance
+from ..common.splitmix import mix
 from .nouns import names
 from .objects import Objects, largest_first
 
@@ -62,7 +62,7 @@ def with_wrong_objects(
     area = _SMALLEST * (_LARGEST / _SMALLEST) ** _uniform(bits)
     center = copy.center
     if center is not None:
-        within = chance.mix(bits + np.uint64(1))
+        within = mix(bits + np.uint64(1))
         if found.size is None:
             spot = np.zeros((len(more), 2))
         else:
@@ -85,7 +85,7 @@ def with_wrong_objects(
 
 
 def _bits(keys: np.ndarray, index: np.ndarray) -> np.ndarray:
-    return chance.mix(chance.mix(keys) + index.astype(np.uint64))
+    return mix(mix(keys) + index.astype(np.uint64))
 
 
 def _uniform(bits: np.ndarray) -> np.ndarray:

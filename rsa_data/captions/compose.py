@@ -14,7 +14,7 @@ from .assemble import Column, texts
 from .choose import Chosen, choose
 from .columns import Columns
 from .objects import Objects, Which, from_segments
-from .styles import NOTHING, Wording
+from .wordings.wording import NOTHING, Wording
 from .words import Word, word
 
 

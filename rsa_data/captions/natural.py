@@ -20,7 +20,7 @@ from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
 from ..datasets import rsa_files
 from .columns import caption_table
-from .styles import NOTHING
+from .wordings.wording import NOTHING
 
 VERSION = 1
 

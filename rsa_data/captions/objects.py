@@ -102,8 +102,8 @@ def _centers(segments: pa.Table, rows: np.ndarray) -> np.ndarray | None:
         return None
     flat = pc.list_flatten(column)
     flat = flat.combine_chunks() if isinstance(flat, pa.ChunkedArray) else flat
-    centers: np.ndarray = flat.flatten().to_numpy().reshape(-1, 2)  # (segments, 2)
-    return centers[rows]
+    centers: np.ndarray = flat.flatten().to_numpy().reshape(-1, 2)[rows]  # (rows, 2)
+    return centers
 
 
 def _sizes(segments: pa.Table, samples: pa.Table) -> np.ndarray | None:

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..common.tokenizers import Tokenizer
-from .styles import NOTHING
+from .wordings.wording import NOTHING
 
 COLUMNS = ("variant", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
@@ -44,22 +44,37 @@ def kept(captions: Iterable[pa.Table]) -> dict[str, float]:
 
 
 def budget_lines(found: Mapping[str, float], limit: int) -> list[str]:
-    """One sentence on what the plain captions tell of within `limit` tokens."""
+    """What the plain captions name within `limit` tokens, in a sentence."""
     if not found["captions"]:
         return []
     if not found["losing"]:
-        return [f"every plain caption tells of all its objects within {limit} tokens"]
+        return [f"Every plain caption names all objects of its image within {limit} tokens."]
     return [
         f"{_share(found['losing'], found['captions'])} of the plain captions leave objects out to "
-        f"stay within {limit} tokens; they all tell of {told(found)}"
+        f"stay within {limit} tokens. Together, the plain captions name {named(found)}."
     ]
 
 
-def told(found: Mapping[str, float]) -> str:
-    """`36% of the objects, 89% of their area`."""
+def alternatives(now: Mapping[str, float], would: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """The options that would keep more, a line each after a line that introduces them.
+
+    now : sums over a few captions as they are; would : over the same with other options, by these.
+    """
+    better = {flags: sums for flags, sums in would.items() if sums["area_kept"] > now["area_kept"]}
+    if not better:
+        return []
+    return [
+        f"On the {now['captions']:,} images of the first part, the plain captions name "
+        f"{named(now)}. With other options they would name:",
+        *(f"  {flags}: {named(sums)}" for flags, sums in better.items()),
+    ]
+
+
+def named(found: Mapping[str, float]) -> str:
+    """`36% of the objects (89% of their area)`."""
     return (
-        f"{_share(found['objects_kept'], found['objects'])} of the objects, "
-        f"{_share(found['area_kept'], found['area'])} of their area"
+        f"{_share(found['objects_kept'], found['objects'])} of the objects "
+        f"({_share(found['area_kept'], found['area'])} of their area)"
     )
 
 
@@ -78,11 +93,13 @@ def import_lines(captions: Iterable[pa.Table], tokenizer: Tokenizer) -> list[str
     lines = []
     if too_long:
         lines.append(
-            f"{too_long:,} of {texts:,} texts are longer than the {longest} tokens of "
-            f"{tokenizer.name}: an encoder with this tokenizer cuts them"
+            f"{too_long:,} of {texts:,} texts {'is' if too_long == 1 else 'are'} longer than the "
+            f"{longest} tokens that an encoder with the tokenizer {tokenizer.name} reads. Their "
+            "ends will be cut off."
         )
     if silent:
-        lines.append(f"{silent:,} images have no text, or nearly none, as in {NOTHING!r}")
+        has = "image has" if silent == 1 else "images have"
+        lines.append(f"{silent:,} {has} no text, or one as short as {NOTHING!r}.")
     return lines
 
 

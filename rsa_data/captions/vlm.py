@@ -15,6 +15,7 @@ from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
 from . import natural
 from .served import Server
+from .wordings.wording import NOTHING
 
 VERSION = 1
 
@@ -125,14 +126,17 @@ def cost_lines(captions: Iterable[pa.Table], prices: str | None) -> list[str]:
         asked += audit.get("prompt_tokens", 0)
         answered += audit.get("text_tokens", 0)
         failed += audit.get("failed", {}).items()
-    lines = [f"{asked:,} tokens of questions with pictures, {answered:,} of answers"]
+    lines = [f"The model read {asked:,} tokens, images included, and wrote {answered:,}."]
     if prices:
         one, other = parse_prices(prices)
-        lines[0] += f": {(asked * one + answered * other) / 1e6:,.4g} in your currency"
+        lines[0] += f" At --prices {prices} that is {(asked * one + answered * other) / 1e6:,.4g}."
     if failed:
         name, reason = failed[0]
-        lines.append(f"{len(failed):,} images have no answer and got 'An image.': the receipts "
-                     f"name them; the first is {name}: {reason}")  # fmt: skip
+        has = "image has" if len(failed) == 1 else "images have"
+        lines.append(
+            f"{len(failed):,} {has} no answer and got {NOTHING!r}. The receipts name them; "
+            f"the first is {name}: {reason}"
+        )
     return lines
 
 

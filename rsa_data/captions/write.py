@@ -16,7 +16,7 @@ from .blocks import composer
 from .columns import caption_table
 from .compose import Recipe
 from .objects import Which
-from .styles import Wording
+from .wordings.wording import Wording
 
 
 def build(
@@ -87,8 +87,8 @@ def build(
             raise UsageError(f"captions: {name}: expected {low} to {high}, found {value}")
     if group and target.group is False:
         raise UsageError(
-            f"captions: the style {style!r} tells of each object by itself: leave out group, or "
-            "take the style occupancy"
+            f"captions: the style {style!r} describes each object by itself. Leave out --group, or "
+            "use --style occupancy"
         )
     limit = counter.max_tokens if max_tokens is None else max_tokens or 2**30
     metadata = {"style": style, "style_version": str(target.version), "tokenizer": counter.name}
@@ -163,22 +163,18 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     if not found["losing"]:
         return lines if asked != 0 else []
     now = summary.kept([build(**bound | {"variants": 1})(*inputs)])
-    lines.append(f"tried on {now['captions']:,} images: as it is, {summary.told(now)}")
+    would = {}
     for change in summary.ALTERNATIVES:
         other = bound | change | {"variants": 1}
         if all(bound[name] == value for name, value in change.items()):
             continue
         try:
-            would = summary.kept([build(**other)(*inputs)])
+            sums = summary.kept([build(**other)(*inputs)])
         except UsageError:
             continue  # a style that knows no groups
-        if would["area_kept"] > now["area_kept"]:
-            flags = " ".join(
-                f"--{name}" if value is True else f"--{name} {value}"
-                for name, value in change.items()
-            )
-            lines.append(f"  with {flags}: {summary.told(would)}")
-    return lines
+        flags = (f"--{n}" if value is True else f"--{n} {value}" for n, value in change.items())
+        would[" ".join(flags)] = sums
+    return lines + summary.alternatives(now, would)
 
 
 def needs_segments(style: str) -> bool:

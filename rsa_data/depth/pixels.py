@@ -4,14 +4,7 @@ import hashlib
 
 import numpy as np
 
-
-def mix(values: np.ndarray) -> np.ndarray:
-    """SplitMix64's finaliser (Steele et al. 2014): uint64 -> uint64 that look independent."""
-    with np.errstate(over="ignore"):
-        values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    mixed: np.ndarray = values ^ (values >> np.uint64(31))
-    return mixed
+from ..common.splitmix import STEP, mix
 
 
 def draw(n: int, k: int, seed: int, sample_id: str) -> np.ndarray:
@@ -22,7 +15,7 @@ def draw(n: int, k: int, seed: int, sample_id: str) -> np.ndarray:
     few are a random sample too. Returns int64 of shape (k,).
     """
     key = hashlib.blake2b(f"{seed}\0{sample_id}".encode(), digest_size=8).digest()
-    counter = np.arange(1, n + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    counter = np.arange(1, n + 1, dtype=np.uint64) * np.uint64(STEP)
     keys = mix(counter + np.uint64(int.from_bytes(key, "little")))
     nearest = np.arange(n)
     if k < n:

@@ -33,8 +33,8 @@ class Bottleneck(nn.Module):
         if self.stride > 1:
             x, y = F.avg_pool2d(x, self.stride), F.avg_pool2d(y, self.stride)
         y = self.bn3(self.conv3(y))
-        x = F.relu(y + (x if self.downsample is None else self.downsample(x)))
-        return x
+        shortcut: torch.Tensor = x if self.downsample is None else self.downsample(x)
+        return F.relu(y + shortcut)
 
 
 class AttentionPool(nn.Module):
@@ -101,5 +101,5 @@ class ImageTower(nn.Module):
         x = F.avg_pool2d(F.relu(self.bn3(self.conv3(x))), 2)  # (b, width, size / 4, size / 4)
         for layer in (self.layer1, self.layer2, self.layer3, self.layer4):
             x = layer(x)
-        x = self.attnpool(x)  # (b, dim)
-        return x
+        features: torch.Tensor = self.attnpool(x)  # (b, dim)
+        return features

@@ -124,5 +124,5 @@ class TextTower(nn.Module):
             x = block(x, paths, places)
         # Of the last layer only the end tokens' rows are read.
         x = self.blocks[-1].at_ends(x, paths, ends)  # (b, width)
-        x = self.ln_final(x) @ self.text_projection  # (b, dim)
-        return x
+        features: torch.Tensor = self.ln_final(x) @ self.text_projection  # (b, dim)
+        return features

@@ -53,14 +53,14 @@ def test_shares_that_are_known_of_nyu_train(shared):
     segments, _ = read(shared / "rsa_release" / "nyu-train.tar.xz")
     rows = samples(segments)
 
-    def told(**options) -> str:
-        return summary.told(summary.kept([build(variants=1, **options)(segments, rows)]))
+    def named(**options) -> str:
+        return summary.named(summary.kept([build(variants=1, **options)(segments, rows)]))
 
     # What was measured before this project: 36% and 89%, 55% and 92%, 75% and 98%, with "occupies"
     # also for several; 145 tokens on average, 82.6% of the texts longer than 77.
-    assert told() == "36% of the objects, 89% of their area"
-    assert told(group=True) == "57% of the objects, 92% of their area"
-    assert told(group=True, digits=0) == "76% of the objects, 98% of their area"
+    assert named() == "36% of the objects (89% of their area)"
+    assert named(group=True) == "57% of the objects (92% of their area)"
+    assert named(group=True, digits=0) == "76% of the objects (98% of their area)"
     whole = build(style="occupied", variants=1, max_tokens=0)(segments, rows)["n_tokens"].to_numpy()
     assert round(whole.mean()) == 146
     assert round((whole > clip().max_tokens).mean(), 3) == 0.823

@@ -17,19 +17,20 @@ def said(table: pa.Table, **options) -> list[str]:
 def test_what_was_left_out_and_what_would_keep_more():
     table = segments({"a": ROOM, "b": ROOM[:1]})
     assert said(table, max_tokens=40) == [
-        "50% of the plain captions leave objects out to stay within 40 tokens; they all tell of "
-        "40% of the objects, 57% of their area",
-        "tried on 2 images: as it is, 40% of the objects, 57% of their area",
-        "  with --digits 0: 50% of the objects, 69% of their area",
-        "  with --group: 75% of the objects, 91% of their area",
-        "  with --group --digits 0: 100% of the objects, 100% of their area",
+        "50% of the plain captions leave objects out to stay within 40 tokens. Together, the plain "
+        "captions name 40% of the objects (57% of their area).",
+        "On the 2 images of the first part, the plain captions name 40% of the objects (57% of "
+        "their area). With other options they would name:",
+        "  --digits 0: 50% of the objects (69% of their area)",
+        "  --group: 75% of the objects (91% of their area)",
+        "  --group --digits 0: 100% of the objects (100% of their area)",
     ]
 
 
 def test_nothing_left_out():
     table = segments({"a": ROOM})
     assert said(table, style="classes") == [
-        "every plain caption tells of all its objects within 77 tokens"
+        "Every plain caption names all objects of its image within 77 tokens."
     ]
 
 
@@ -47,7 +48,7 @@ def test_imports_tell_of_long_and_missing_texts(tmp_path):
     camera = samples(segments({"a": [], "b": []}))
     options = {"style": f"import:{tmp_path}"}
     assert notes([build(**options)(camera)], camera, **options) == [
-        "1 of 2 texts are longer than the 77 tokens of clip: an encoder with this tokenizer cuts "
-        "them",
-        "1 images have no text, or nearly none, as in 'An image.'",
+        "1 of 2 texts is longer than the 77 tokens that an encoder with the tokenizer clip reads. "
+        "Their ends will be cut off.",
+        "1 image has no text, or one as short as 'An image.'.",
     ]
