@@ -124,9 +124,10 @@ def tokenize_with(
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Silences transformers' reports and bars; what is wrong is raised here."""
-    from transformers.utils import logging as theirs
+    import transformers
 
-    theirs.disable_progress_bar()  # type: ignore[no-untyped-call]
+    theirs: Any = transformers.utils.logging
+    theirs.disable_progress_bar()
     logger = logging.getLogger("transformers")
     before = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -34,7 +34,8 @@ class Bottleneck(nn.Module):
             x, y = F.avg_pool2d(x, self.stride), F.avg_pool2d(y, self.stride)
         y = self.bn3(self.conv3(y))
         shortcut: torch.Tensor = x if self.downsample is None else self.downsample(x)
-        return F.relu(y + shortcut)
+        y = y + shortcut
+        return F.relu(y)
 
 
 class AttentionPool(nn.Module):
@@ -56,7 +57,8 @@ class AttentionPool(nn.Module):
             for project, rows in ((self.q_proj, x[:, :1]), (self.k_proj, x), (self.v_proj, x))
         )  # (b, heads, 1 or places + 1, width / heads)
         x = F.scaled_dot_product_attention(q, k, v)  # (b, heads, 1, width / heads)
-        return self.c_proj(x.flatten(1))  # (b, dim)
+        pooled: torch.Tensor = self.c_proj(x.flatten(1))  # (b, dim)
+        return pooled
 
 
 class ImageTower(nn.Module):

@@ -47,9 +47,7 @@ class Attention(nn.Module):
         """Rows of nodes, (m, parts * width), to (parts, heads, b, t, width / heads)."""
         # The few nodes are brought into the order that attention wants, before they are repeated.
         x = x.view(x.shape[0], parts, self.heads, -1).permute(1, 2, 0, 3)
-        x = x.index_select(2, paths.flatten())
-        x = x.unflatten(2, paths.shape)  # type: ignore[no-untyped-call]
-        return x
+        return torch.unflatten(x.index_select(2, paths.flatten()), 2, paths.shape)
 
 
 class Mlp(nn.Module):
