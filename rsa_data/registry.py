@@ -133,6 +133,15 @@ ENGINES = {
     "ray": "rsa_data.runner.engines.ray:Actors",
 }
 
+# Where work dirs and roots may lie, by the scheme of the address; folders need none.
+STORES = {
+    "s3": "rsa_data.store.objects:ObjectStore",
+    "gs": "rsa_data.store.objects:ObjectStore",
+    "az": "rsa_data.store.objects:ObjectStore",
+    "https": "rsa_data.store.http:HttpFiles",
+    "http": "rsa_data.store.http:HttpFiles",
+}
+
 # What a work dir holds beside datasets: FOLDER -> how to list and check it.
 COLLECTIONS = {
     "heads": "rsa_data.heads.collection:HEADS",

@@ -7,13 +7,12 @@ import json
 import os
 import threading
 import time
-import urllib.error
-import urllib.request
+from collections.abc import Mapping
 from dataclasses import dataclass
-from email.message import Message
 from pathlib import Path
 from typing import Any
 
+from ..common import files, http
 from ..common.errors import RowError, RsaDataError, TransientError, UsageError
 
 # px of the longer side that a model is shown; most resize to less.
@@ -45,6 +44,8 @@ class Server:
             raise UsageError(f"--endpoint: expected http://... or https://...; found {address!r}")
         self.base = base if base.endswith("/v1") else base + "/v1"
         self.prompt, self.rate, self.wait = prompt, rate, wait
+        # Once a request, and redirects are not followed: the key goes to this address alone.
+        self.client = http.client(self.base, tries=0, read=_SECONDS)
         self.lock, self.next = threading.Lock(), 0.0
 
     def model(self, wanted: str) -> str:
@@ -72,17 +73,14 @@ class Server:
 
         identity = [_MOST_TOKENS, _SIDE, model, self.prompt]
         key = hashlib.sha256(json.dumps(identity).encode() + read_bytes(path)).hexdigest()
-        kept = _folder() / key[:2] / f"{key}.json"
+        kept = files.cache_folder("vlm") / key[:2] / f"{key}.json"
         if kept.is_file():
             try:
                 return Answer(**json.loads(kept.read_text("utf-8")))
             except (ValueError, TypeError):
                 kept.unlink(missing_ok=True)  # cut off by a crash
         answer = self._answer(model, _jpeg(read_image(path)))
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        part = kept.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
-        part.write_text(json.dumps(vars(answer)), "utf-8")
-        part.replace(kept)
+        files.write(kept, json.dumps(vars(answer)).encode())
         return answer
 
     def _answer(self, model: str, jpeg: bytes) -> Answer:
@@ -113,7 +111,9 @@ class Server:
 
     def _send(self, path: str, body: dict[str, Any] | None) -> Any:
         """JSON of one request, tried again while the server is busy or away."""
-        headers = {"Content-Type": "application/json"}
+        from urllib3.exceptions import HTTPError
+
+        headers = {**self.client.headers, "Content-Type": "application/json"}
         if key := os.environ.get(KEY):
             headers["Authorization"] = f"Bearer {key}"
         data = None if body is None else json.dumps(body).encode()
@@ -122,24 +122,24 @@ class Server:
             self._take_turn()
             asked = self.wait * 2**attempt
             try:
-                request = urllib.request.Request(self.base + path, data, headers)
-                with urllib.request.urlopen(request, timeout=_SECONDS) as response:
-                    return json.loads(response.read())
-            except urllib.error.HTTPError as error:
-                error.close()
-                why = f"status {error.code}"
-                if error.code in (400, 413, 415, 422):
-                    raise RowError(f"the server refused the picture: {why}") from error
-                if error.code not in (408, 409, 425, 429) and error.code < 500:
+                answer = self.client.request(
+                    "GET" if data is None else "POST", self.base + path, body=data, headers=headers
+                )
+                if answer.status == 200:
+                    return json.loads(answer.data)
+                why = f"status {answer.status}"
+                if answer.status in (400, 413, 415, 422):
+                    raise RowError(f"the server refused the picture: {why}")
+                if answer.status not in (408, 409, 425, 429) and answer.status < 500:
                     raise RsaDataError(
                         f"{self.base}{path}: {why}. Is the address right, the model's name, and "
                         f"the key in {KEY}?"
-                    ) from error
-                asked = max(asked, _retry_after(error.headers))
-            except ValueError:
+                    )
+                asked = max(asked, _retry_after(answer.headers))
+            except (ValueError, RecursionError):
                 why = "an answer that is not JSON"
-            except (urllib.error.URLError, OSError) as error:
-                why = str(getattr(error, "reason", error)) or type(error).__name__
+            except (HTTPError, OSError) as error:
+                why = http.reason(error)
             if attempt < _TRIES - 1:
                 time.sleep(min(asked, _LONGEST_WAIT))
         raise TransientError(f"{self.base}{path}: {why}, {_TRIES} times; the part can be run again")
@@ -154,16 +154,11 @@ class Server:
         time.sleep(turn - now)
 
 
-def _retry_after(headers: Message) -> float:
+def _retry_after(headers: Mapping[str, str]) -> float:
     try:
-        return max(0.0, float(headers.get("Retry-After", 0)))
+        return max(0.0, float(headers.get("Retry-After", "0")))
     except ValueError:
         return 0.0
-
-
-def _folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "rsa-data" / "vlm"
 
 
 def _jpeg(pixels: Any) -> bytes:

@@ -145,7 +145,8 @@ def one_dataset(command: Callable[..., Any]) -> Callable[..., Any]:
             "--root",
             callback=root_of,
             metavar="PLACE",
-            help="Where the dataset's files are: a folder, s3://BUCKET/PREFIX or https://HOST/PATH.",
+            help="Where the dataset's files are: a folder, s3://BUCKET/PREFIX, gs://, az:// or "
+            "https://HOST/PATH.",
         ),
         click.option(
             "--dataset",

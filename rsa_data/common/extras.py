@@ -13,6 +13,7 @@ _EXTRAS = {
     "onnxscript": "export",
     "onnx": "export",
     "boto3": "s3",
+    "obstore": "cloud",
     "nicegui": "play",
 }
 

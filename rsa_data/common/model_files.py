@@ -1,19 +1,16 @@
 """The files of models: found in the cache, or downloaded and checked against their card."""
 
 import hashlib
-import os
 import socket
-import tempfile
-import urllib.error
 import urllib.parse
 import urllib.request
 from pathlib import Path
 
+from . import http
 from .cards import Card, card_path, read_card
 from .digests import read_sha256
 from .errors import RsaDataError
-
-_TIMEOUT = 30.0  # seconds without an answer
+from .files import cache_folder, replacing
 
 
 def fetch(name: str, option: str = "--encoder-weights") -> Path:
@@ -48,10 +45,9 @@ def local_file(card: Card, given: Path | None = None, option: str | None = "--we
 
 def cached_path(card: Card) -> Path:
     """Where a model's file lies once it was downloaded from a URL or put there by hand."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     version = (card.sha256 or card.revision or "any")[:16]
     file = Path(card.file or card.url or f"{card.name}.onnx").name
-    return Path(base) / "rsa-data" / "models" / f"{card.name}-{version}" / file
+    return cache_folder("models") / f"{card.name}-{version}" / file
 
 
 def _address(card: Card) -> str:
@@ -112,29 +108,27 @@ def _download(card: Card, own: Path, option: str | None) -> None:
     url = card.url or ""
     if not url.startswith(("https://", "http://")):
         raise RsaDataError(f"model {card.name}: expected an http(s) url; found {url!r}")
-    own.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=own.parent, prefix=".part-")
+    from urllib3.exceptions import HTTPError
+
     sha = hashlib.sha256()
     try:
-        with (
-            os.fdopen(handle, "wb") as file,
-            urllib.request.urlopen(url, timeout=_TIMEOUT) as answer,
-        ):
-            while block := answer.read(1 << 20):
+        with replacing(own, durable=True) as file:
+            answer = http.client(url, tries=3).request(
+                "GET", url, preload_content=False, enforce_content_length=False
+            )
+            if answer.status != 200:
+                reason = f"HTTP Error {answer.status}: {answer.reason}"
+                raise _unavailable(card, own, option, reason)
+            for block in answer.stream(1 << 20, decode_content=False):
                 sha.update(block)
                 file.write(block)
             size, expected = file.tell(), answer.headers.get("Content-Length")
             if expected is not None and size != int(expected):
                 raise _unavailable(card, own, option, f"expected {expected} bytes, got {size}")
-            file.flush()
-            os.fsync(file.fileno())
-        if sha.hexdigest() != card.sha256:
-            raise RsaDataError(
-                f"model {card.name}: expected sha256 {card.sha256} of {url}; "
-                f"found {sha.hexdigest()}: nothing was kept"
-            )
-        Path(temporary).replace(own)
-    except (OSError, ValueError, urllib.error.HTTPError) as error:
-        raise _unavailable(card, own, option, error) from error
-    finally:
-        Path(temporary).unlink(missing_ok=True)
+            if sha.hexdigest() != card.sha256:
+                raise RsaDataError(
+                    f"model {card.name}: expected sha256 {card.sha256} of {url}; "
+                    f"found {sha.hexdigest()}: nothing was kept"
+                )
+    except (OSError, ValueError, HTTPError) as error:
+        raise _unavailable(card, own, option, http.reason(error)) from error

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ..common import files
 from ..common.errors import RsaDataError
 from ..common.extras import extras
 from .dataset import Dataset
@@ -78,11 +79,11 @@ def unpack(root: Path) -> None:
         )
     names: list[str] = []
     for image, pixels, depth, labels in _frames(root, names):
-        _write(root / image, _png(pixels))
-        _write(root / _depth_of(image), _png(depth))
-        _write(root / "labels" / image, _png(labels))
+        files.write(root / image, _png(pixels))
+        files.write(root / _depth_of(image), _png(depth))
+        files.write(root / "labels" / image, _png(labels))
     text = f"first = 1\nnames = {json.dumps(names, ensure_ascii=False)}\n"
-    _write(root / _DONE, text.encode())
+    files.write(root / _DONE, text.encode())
 
 
 def _frames(
@@ -129,10 +130,3 @@ def _png(pixels: np.ndarray) -> bytes:
 
     ordered = pixels[:, :, ::-1] if pixels.ndim == 3 else pixels  # OpenCV wants BGR
     return cv2.imencode(".png", np.ascontiguousarray(ordered))[1].tobytes()
-
-
-def _write(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    part.write_bytes(data)
-    part.replace(path)

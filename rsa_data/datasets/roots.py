@@ -7,33 +7,14 @@ import fnmatch
 import io
 import os
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
-from ..common.errors import RsaDataError
-
-
-class Files(Protocol):
-    """What reading a root takes of a store; see storage.Store."""
-
-    location: str
-
-    def read(self, path: str) -> bytes | None:
-        """The whole file, or None when there is none."""
-
-    def head(self, path: str, most: int) -> bytes | None:
-        """The first `most` bytes of the file, or None when there is none."""
-
-    def size(self, path: str) -> int | None:
-        """Bytes of the file, or None when there is none."""
-
-    def list(self, folder: str) -> list[str]:
-        """Names of the files and folders (with a slash at their end) in `folder`, sorted."""
+from ..store.stores import Files, open_files
 
 
 def open_root(text: str | Path) -> Path:
-    """The root at a place: a folder, s3://BUCKET/PREFIX, or https://HOST/PATH.
+    """The root at a place: a folder, s3://, gs://, az:// or https://.
 
     What is not a folder comes as a RemotePath, which reads like a Path. Raises RsaDataError for an
     address of another kind.
@@ -41,23 +22,7 @@ def open_root(text: str | Path) -> Path:
     place = str(text)
     if "://" not in place:
         return Path(place)
-    return cast(Path, RemotePath(_files(place), PurePosixPath()))
-
-
-@cache
-def _files(location: str) -> Files:
-    """One client a process and location."""
-    if location.startswith("s3://"):
-        from ..store.s3 import S3Store
-
-        return S3Store(location, "--root")
-    if not location.startswith(("http://", "https://")):
-        raise RsaDataError(
-            f"--root {location}: expected a folder, s3://BUCKET/PREFIX or https://HOST/PATH"
-        )
-    from ..store.http import HttpFiles
-
-    return HttpFiles(location)
+    return cast(Path, RemotePath(open_files(place), PurePosixPath()))
 
 
 def is_remote(root: Path | None) -> bool:
@@ -157,6 +122,17 @@ class RemotePath:
         """The first `most` bytes, or fewer where the file is shorter."""
         return self._there(self.files.head(self._path, most))
 
+    def read_span(self, start: int, length: int) -> bytes:
+        """`length` bytes from `start`, or fewer at the end of the file."""
+        return self._there(self.files.span(self._path, start, length))
+
+    def size(self) -> int:
+        """Bytes of the file."""
+        found = self.files.size(self._path)
+        if found is None:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self))
+        return found
+
     def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
         return self.read_bytes().decode(encoding, errors)
 
@@ -174,4 +150,4 @@ class RemotePath:
 
 
 def _again(location: str, below: str) -> RemotePath:
-    return RemotePath(_files(location), PurePosixPath(below))
+    return RemotePath(open_files(location), PurePosixPath(below))

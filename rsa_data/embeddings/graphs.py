@@ -2,7 +2,6 @@
 
 import hashlib
 import logging
-import os
 import shutil
 import tempfile
 import warnings
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..common.errors import RsaDataError
 from ..common.extras import extras
+from ..common.files import cache_folder
 from .encoder import TextModel
 from .runtime import in_onnx, in_torch
 
@@ -37,7 +37,7 @@ def graph(model: TextModel, sources: dict[str, str], *, int8: bool = False) -> P
     import torch
 
     key = repr((_VERSION, sorted(sources.items()), torch.__version__, sorted(model.axes.items())))
-    folder = _cache() / hashlib.sha256(key.encode()).hexdigest()[:32]
+    folder = cache_folder("graphs") / hashlib.sha256(key.encode()).hexdigest()[:32]
     exact, rounded = folder / "float32.onnx", folder / "int8.onnx"
     wanted = rounded if int8 else exact
     if wanted.is_file():
@@ -55,11 +55,6 @@ def graph(model: TextModel, sources: dict[str, str], *, int8: bool = False) -> P
             "to a folder that can be written, or use --runtime torch"
         ) from error
     return wanted
-
-
-def _cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "rsa-data" / "graphs"
 
 
 @contextmanager

@@ -1,21 +1,14 @@
 """Reading files from a web server: GET with retries, folders as the server's pages list them."""
 
 import html.parser
-import importlib.metadata
 import ssl
 import urllib.parse
-import urllib.request
 from typing import Any
 
 from ..common.errors import RowError, RsaDataError, TransientError
+from ..common.http import PASSING, TRIES, client, reason
 
-# Tries of one request, with back-off that doubles up to 20 s: about a minute and a half in all.
-_TRIES = 8
-# Of these, connections that fail: a quarter of a minute, since a wrong name is more likely.
-_CONNECTS = 5
-
-# Answers that may pass by themselves: timeout, too early, too many requests, server trouble.
-_PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})
+# Answers that mean that there is nothing.
 _MISSING = frozenset({404, 410})
 
 
@@ -29,45 +22,34 @@ class HttpFiles:
 
     at_once = 32
 
-    def __init__(self, location: str):
-        import urllib3
-
+    def __init__(self, location: str, option: str = "--root"):
         self.location = location.rstrip("/")
         parts = urllib.parse.urlsplit(self.location)
         if not parts.hostname or parts.query or parts.fragment or parts.username:
             raise RsaDataError(
-                f"--root {location}: expected https://HOST/PATH without user name, ? and #: it is "
-                "written into the work dir"
+                f"{option} {location}: expected https://HOST/PATH without user name, ? and #: it "
+                "is written into the work dir"
             )
-        given: dict[str, Any] = {
-            "maxsize": self.at_once,
-            "headers": {"User-Agent": f"rsa-data/{importlib.metadata.version('rsa-data')}"},
-            "timeout": urllib3.Timeout(connect=10, read=60),
-            "retries": urllib3.Retry(
-                _TRIES,
-                connect=min(_TRIES, _CONNECTS),
-                status_forcelist=_PASSING,
-                raise_on_status=False,
-                backoff_factor=0.5,
-                backoff_max=20,
-                retry_after_max=60,
-            ),
-        }
-        proxy = urllib.request.getproxies().get(parts.scheme)
-        if proxy and not urllib.request.proxy_bypass(parts.hostname):
-            self.pool: Any = urllib3.ProxyManager(proxy, **given)
-        else:
-            self.pool = urllib3.PoolManager(**given)
+        self.pool = client(self.location, tries=TRIES)
 
     def read(self, path: str) -> bytes | None:
         """The whole file, or None when there is none."""
         answer = self._file("GET", path)
-        return None if answer is None else answer.data
+        return None if answer is None else bytes(answer.data)
 
     def head(self, path: str, most: int) -> bytes | None:
         """The first `most` bytes of the file, or None when there is none."""
-        answer = self._file("GET", path, {"Range": f"bytes=0-{most - 1}"})
-        return None if answer is None else b"" if answer.status == 416 else answer.data[:most]
+        return self.span(path, 0, most)
+
+    def span(self, path: str, start: int, length: int) -> bytes | None:
+        """`length` bytes of the file from `start`, fewer at its end; None when there is none."""
+        answer = self._file("GET", path, {"Range": f"bytes={start}-{start + length - 1}"})
+        if answer is None or answer.status == 416:
+            return None if answer is None else b""
+        # 200: a server that knows no ranges sends the whole file.
+        first = 0 if answer.status == 206 else start
+        data: bytes = answer.data[first : first + length]
+        return data
 
     def size(self, path: str) -> int | None:
         """Bytes of the file, or None when there is none; 0 where the server does not tell."""
@@ -119,13 +101,12 @@ class HttpFiles:
                 method, url, headers={**self.pool.headers, **(headers or {})}
             )
         except (exceptions.HTTPError, ssl.SSLError) as error:
-            reason = getattr(error, "reason", None) or error
             raise TransientError(
-                f"cannot read {url}: {reason}. Run the same command again"
+                f"cannot read {url}: {reason(error)}. Run the same command again"
             ) from error
         if answer.status in _MISSING:
             return None
-        if answer.status in _PASSING:
+        if answer.status in PASSING:
             raise TransientError(
                 f"cannot read {url}: the server answers {answer.status} {answer.reason}. Run the "
                 "same command again"

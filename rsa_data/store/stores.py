@@ -1,22 +1,46 @@
 """Where bytes lie: whole files that appear at once or not at all.
 
 A part is written in one go (one rename, or one PUT), so a store needs no more than these few
-operations.
+operations. A store is found by the scheme of its location, in registry.STORES.
 """
 
 from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import pyarrow as pa
 
+from .. import registry
 from ..common.errors import RsaDataError
+from .local import LocalStore
 
 
+class Files(Protocol):
+    """What reading takes of a store: paths are relative, with forward slashes."""
+
+    location: str
+
+    def read(self, path: str) -> bytes | None:
+        """The whole file, or None when there is none."""
+
+    def head(self, path: str, most: int) -> bytes | None:
+        """The first `most` bytes of the file, or None when there is none."""
+
+    def span(self, path: str, start: int, length: int) -> bytes | None:
+        """`length` bytes of the file from `start`, fewer at its end; None when there is none."""
+
+    def size(self, path: str) -> int | None:
+        """Bytes of the file, or None when there is none."""
+
+    def list(self, folder: str) -> list[str]:
+        """Names of the files and folders (with a slash at their end) in `folder`, sorted."""
+
+
+@runtime_checkable
 class Store(Protocol):
     """Files below one location; paths are relative, with forward slashes.
 
-    Every method raises RsaDataError for what the user must mend (no space, no permission) and
+    Every method raises RsaDataError for what the user must fix (no space, no permission) and
     TransientError for what may pass by itself.
     """
 
@@ -59,20 +83,30 @@ class Store(Protocol):
 
 
 def open_store(location: str | Path) -> Store:
-    """The store at a location: a folder, or s3://bucket/prefix."""
+    """The store of a work dir: a folder, or s3://, gs:// or az://."""
     text = str(location)
-    if text.startswith("s3://"):
-        return _s3_store(text)
-    if "://" in text:
-        raise RsaDataError(f"--work {text}: expected a folder or s3://BUCKET/PREFIX")
-    from .local import LocalStore
+    if "://" not in text:
+        return LocalStore(location)
+    store = _opened(text, "--work")
+    if not isinstance(store, Store):
+        raise RsaDataError(
+            f"--work {text}: expected a place that can be written: a folder, s3://BUCKET/PREFIX, "
+            "gs://BUCKET/PREFIX or az://CONTAINER/PREFIX"
+        )
+    return store
 
-    return LocalStore(location)
+
+def open_files(location: str) -> Files:
+    """What lies at an address such as s3://BUCKET/PREFIX or https://HOST/PATH, to read."""
+    return _opened(location, "--root")
 
 
 @cache
-def _s3_store(location: str) -> Store:
+def _opened(location: str, option: str) -> Files:
     """One client a process and location: it takes a tenth of a second to make."""
-    from .s3 import S3Store
-
-    return S3Store(location)
+    scheme = location.partition("://")[0]
+    if scheme not in registry.STORES:
+        known = ", ".join(f"{name}://" for name in registry.STORES)
+        raise RsaDataError(f"{option} {location}: expected a folder or one of {known}")
+    found: Files = registry.resolve("store", registry.STORES, scheme)(location, option)
+    return found

@@ -28,7 +28,7 @@ from rsa_data.datasets.sunrgbd import sunrgbd
 from rsa_data.datasets.void import void
 from rsa_data.runner import chains, jobs, runs, stages
 from rsa_data.runner.engines.pool import EngineOptions
-from rsa_data.store.s3 import S3Store
+from rsa_data.store.objects import ObjectStore
 from rsa_data.store.tables import WorkDir
 
 THUMBNAILS = stages.bind("embed-images", {"encoder": "thumbnail"})
@@ -284,21 +284,18 @@ def test_a_public_bucket_is_read_without_an_account_and_not_written(tmp_path, fa
     monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
     monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
     weather.signed = []
-    store = S3Store(str(place), "--root")
+    store = ObjectStore(str(place), "--root")
     assert store.read("a.txt") == b"text"
     assert weather.signed == [False]
     with pytest.raises(RsaDataError, match=r"cannot write .*credentials"):
-        S3Store(str(place)).write("b.txt", b"data")
+        ObjectStore(str(place)).write("b.txt", b"data")
 
 
 @pytest.mark.parametrize("far", ["s3", "http"], indirect=True)
 def test_a_server_that_stays_away_leaves_the_part_undone(tmp_path, far, monkeypatch):
     photos(tmp_path / "photos")
-    for module in ("s3", "http"):
-        monkeypatch.setattr(f"rsa_data.store.{module}._TRIES", 2)
-    from rsa_data.datasets import roots
-
-    roots._files.cache_clear()
+    for module in ("objects", "http"):
+        monkeypatch.setattr(f"rsa_data.store.{module}.TRIES", 2)
     root, weather = far(tmp_path / "photos")
     work = WorkDir(tmp_path / "work")
     name = chains.samples(work, "folder:photos", GIVEN, root=root)
@@ -306,7 +303,6 @@ def test_a_server_that_stays_away_leaves_the_part_undone(tmp_path, far, monkeypa
     job = jobs.job(work, THUMBNAILS, name, root=root)
     summary = runs.run(job, bar=rooms.NoBar)
     weather.troubles = []
-    roots._files.cache_clear()
     assert summary.undone and "503" in str(summary.undone[0])
     assert work.table(name, "embeddings/images/thumbnail").parts() == []
 
@@ -340,7 +336,7 @@ def test_a_file_that_is_refused_is_a_failed_row(far, tmp_path):
 
 
 def test_nobody_there_is_a_transient_error(monkeypatch):
-    monkeypatch.setattr("rsa_data.store.http._TRIES", 0)
+    monkeypatch.setattr("rsa_data.store.http.TRIES", 0)
     with pytest.raises(TransientError, match=r"cannot read http://127.0.0.1:9/x: .*refused"):
         images.read_bytes(open_root("http://127.0.0.1:9") / "x")
 
@@ -352,7 +348,8 @@ def test_nobody_there_is_a_transient_error(monkeypatch):
         ("https://me:secret@host/x", "without user name"),
         ("https://host/x?token=1", "without user name, . and #"),
         ("s3://", "--root s3://: expected s3://BUCKET/PREFIX"),
-        ("gs://bucket/x", "expected a folder, s3://BUCKET/PREFIX or https://HOST/PATH"),
+        ("gs://", "--root gs://: expected gs://BUCKET/PREFIX"),
+        ("ftp://host/x", "expected a folder or one of s3://, gs://, az://, https://, http://"),
     ],
 )
 def test_other_addresses_are_refused(place, reason):

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from rsa_data.common.errors import RsaDataError, TransientError
 from rsa_data.runner import runs, status, verify
 from rsa_data.runner.engines.pool import EngineOptions
-from rsa_data.store.s3 import S3Store
+from rsa_data.store.objects import ObjectStore
 from rsa_data.store.stores import open_store
 from rsa_data.store.tables import Description, WorkDir
 
@@ -124,8 +124,8 @@ def test_of_two_runs_at_once_the_first_receipt_stays(place, where, tmp_path):
 
 
 def test_a_server_that_stays_away_is_a_transient_error(place, weather, monkeypatch):
-    monkeypatch.setattr("rsa_data.store.s3._TRIES", 2)
-    store = S3Store(place)
+    monkeypatch.setattr("rsa_data.store.objects.TRIES", 2)
+    store = ObjectStore(place)
     weather.troubles = ["503"] * 20
     with pytest.raises(TransientError, match=f"cannot write {place}/a: .*503.*same command again"):
         store.write("a", b"data")

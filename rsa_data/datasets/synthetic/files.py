@@ -11,8 +11,6 @@ ROOT/panoptic.json              COCO panoptic annotations of all splits, written
 
 import io
 import json
-import os
-import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from ...common import files
 from ...common.errors import RsaDataError
 from .builder import categories
 from .scenes import Shot, World, shoot
@@ -82,7 +81,7 @@ def write(root: Path, recipe: Recipe, world: World, units: int) -> None:
             shots = shoot(world, (recipe.seed, place, number), len(keys))
             for key, shot in zip(keys, shots, strict=True):
                 _write_shot(root, split, key, shot, units)
-        _write(root / PANOPTIC, _panoptic(root, recipe))
+        files.write(root / PANOPTIC, _panoptic(root, recipe))
     except OSError as error:
         raise RsaDataError(
             f"{recipe.name}: {root}: expected to write rendered scenes there; {error.strerror}. "
@@ -105,7 +104,7 @@ def _claim(root: Path, recipe: Recipe) -> None:
             "other files; give another --root"
         )
     if found is None:
-        _write(root / "recipe.json", json.dumps(asdict(recipe), indent=1).encode())
+        files.write(root / "recipe.json", json.dumps(asdict(recipe), indent=1).encode())
     elif found != asdict(recipe):
         wanted = asdict(recipe)
         differ = [f"{k} = {found.get(k)}" for k in wanted if found.get(k) != wanted[k]]
@@ -132,15 +131,15 @@ def _write_shot(root: Path, split: str, key: str, shot: Shot, units: int) -> Non
     height, width = shot.segments.shape
     metric = np.where(np.isfinite(shot.depth), shot.depth, 0) * units
     metric = np.where(metric > 65535, 0, metric)
-    _write(root / split / "rgb" / f"{key}.png", _png(shot.image[:, :, ::-1]))
-    _write(root / split / "depth" / f"{key}.png", _png((metric + 0.5).astype(np.uint16)))
+    files.write(root / split / "rgb" / f"{key}.png", _png(shot.image[:, :, ::-1]))
+    files.write(root / split / "depth" / f"{key}.png", _png((metric + 0.5).astype(np.uint16)))
     relative = io.BytesIO()
     np.save(relative, shot.relative.astype("<f2"))
-    _write(root / split / "relative" / f"{key}.npy", relative.getvalue())
+    files.write(root / split / "relative" / f"{key}.npy", relative.getvalue())
     # Ids spread over the colours, so that the map can be looked at; 0 stays nothing.
     ids = np.array([0, *(_id(k) for k in range(len(shot.labels)))])[shot.segments]
     colours = np.stack([ids >> 16, ids >> 8 & 255, ids & 255], -1).astype(np.uint8)  # B, G, R
-    _write(root / split / "panoptic" / f"{key}.png", _png(colours))
+    files.write(root / split / "panoptic" / f"{key}.png", _png(colours))
     pixels = np.bincount(shot.segments.ravel(), minlength=len(shot.labels) + 1)[1:]
     focal = shot.camera.focal
     record = {
@@ -160,7 +159,7 @@ def _write_shot(root: Path, split: str, key: str, shot: Shot, units: int) -> Non
             ],
         },
     }
-    _write(root / split / "records" / f"{key}.json", json.dumps(record).encode())
+    files.write(root / split / "records" / f"{key}.json", json.dumps(record).encode())
 
 
 def _id(place: int) -> int:
@@ -193,17 +192,3 @@ def _png(pixels: np.ndarray) -> bytes:
     import cv2
 
     return cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
-
-
-def _write(path: Path, data: bytes) -> None:
-    """The file appears whole or not at all; several writers write the same bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=".", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

@@ -1,0 +1,270 @@
+"""Stores of objects by obstore: S3, Google Cloud Storage, Azure.
+
+A file is one PUT, and a conditional PUT where only the first may win.
+"""
+
+import os
+import re
+import time
+from collections.abc import Callable, Sequence
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pyarrow as pa
+
+from ..common.errors import RsaDataError, TransientError
+from ..common.extras import extras
+from .failpoints import failpoint
+
+T = TypeVar("T")
+
+# Tries of one request, with back-off that doubles up to 20 s: about a minute and a half in all,
+# longer than S3 takes to scale a prefix up.
+TRIES = 10
+
+# Tries of what obstore leaves to its caller, such as a list whose answer broke off.
+_AGAIN = 5
+
+# A log is one object that grows: it is put again at most this often, in seconds.
+_LOG_EVERY = 30.0
+
+# The object by which a work dir finds out whether its store creates objects conditionally.
+_PROBE = ".conditional-creation"
+
+_FORMS = {"s3": "s3://BUCKET/PREFIX", "gs": "gs://BUCKET/PREFIX", "az": "az://CONTAINER/PREFIX"}
+_STATUS = re.compile(r"status code: (\d{3})")
+
+
+class ObjectStore:
+    """Objects below s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or az://CONTAINER/PREFIX.
+
+    Credentials, region and endpoint come from the environment (AWS_ACCESS_KEY_ID,
+    AWS_ENDPOINT_URL_S3, GOOGLE_APPLICATION_CREDENTIALS, AZURE_STORAGE_ACCOUNT_NAME ...) or the
+    machine's role; those of S3 also from ~/.aws where boto3 is installed.
+
+    option : the user's option that names the location. Roots are read without signing requests
+    where there are no credentials, as public buckets want it.
+    """
+
+    at_once = 32
+    writable = True
+
+    def __init__(self, location: str, option: str = "--work"):
+        self.location = location.rstrip("/")
+        scheme, _, rest = location.partition("://")
+        if not rest.partition("/")[0]:
+            raise RsaDataError(f"{option} {location}: expected {_FORMS[scheme]}")
+        with extras(f"{option} {scheme}://"):
+            import obstore
+        self.obstore: Any = obstore
+        self.store: Any = _open(scheme, self.location, option)
+        self.logs: dict[str, tuple[list[bytes], float]] = {}
+        self.probed = False
+
+    def read(self, path: str) -> bytes | None:
+        return self._ask("read", path, lambda: bytes(self.store.get(path).bytes()), missing=None)
+
+    def head(self, path: str, most: int) -> bytes | None:
+        """The first `most` bytes of the file, or None when there is none."""
+
+        def get() -> bytes:
+            return bytes(self.obstore.get_range(self.store, path, start=0, length=most))
+
+        return self._ask("read", path, get, missing=None, empty=b"")
+
+    def span(self, path: str, start: int, length: int) -> bytes | None:
+        """`length` bytes of the file from `start`, fewer at its end; None when there is none."""
+
+        def get() -> bytes:
+            return bytes(self.obstore.get_range(self.store, path, start=start, length=length))
+
+        return self._ask("read", path, get, missing=None, empty=b"")
+
+    def open(self, path: str) -> pa.NativeFile:
+        data = self.read(path)
+        if data is None:
+            raise FileNotFoundError(f"{self.location}/{path}")
+        return pa.BufferReader(data)
+
+    def size(self, path: str) -> int | None:
+        return self._ask("read", path, lambda: int(self.store.head(path)["size"]), missing=None)
+
+    def write(self, path: str, data: bytes | memoryview) -> None:
+        failpoint("write")
+        self._ask("write", path, lambda: self._put(path, data, "overwrite"))
+        failpoint("renamed")
+
+    def create(self, path: str, data: bytes) -> bool:
+        if not self.probed:
+            self._probe()
+        failpoint("write")
+        created = self._ask("write", path, lambda: self._put(path, data, "create"), taken=False)
+        failpoint("renamed")
+        # A request whose answer was lost is sent again, and then finds its own object.
+        return bool(created) or self.read(path) == data
+
+    def append(self, path: str, data: bytes) -> None:
+        lines, last = self.logs.setdefault(path, ([], time.monotonic()))
+        lines.append(data)
+        if time.monotonic() - last > _LOG_EVERY:
+            self.write(path, b"".join(lines))
+            self.logs[path] = lines, time.monotonic()
+
+    def finish(self, path: str) -> None:
+        lines, _ = self.logs.pop(path, ([], 0.0))
+        if lines:
+            self.write(path, b"".join(lines))
+
+    def delete(self, path: str) -> None:
+        self._ask("delete", path, lambda: self.store.delete(path), missing=None)
+
+    def list(self, folder: str) -> list[str]:
+        below = folder.strip("/")
+
+        def names() -> Sequence[str]:
+            found = self.store.list_with_delimiter(below or None)
+            folders = [prefix + "/" for prefix in found["common_prefixes"]]
+            return [*(entry["path"] for entry in found["objects"]), *folders]
+
+        found = self._ask("list", folder, names)
+        start = len(below) + 1 if below else 0
+        return sorted(name for path in found if (name := path[start:]) and name[0] != ".")
+
+    def sweep(self, folder: str) -> None:
+        """A PUT that did not end leaves nothing."""
+
+    def free(self) -> int | None:
+        return None
+
+    def _put(self, path: str, data: bytes | memoryview, mode: str) -> bool:
+        # One request, whatever the size: an object is there whole or not at all.
+        self.store.put(path, bytes(data), mode=mode, use_multipart=False)
+        return True
+
+    def _probe(self) -> None:
+        """Refuses a store that puts an object over one that is there although it must not."""
+
+        def put() -> bool:
+            return self._put(_PROBE, b"rsa-data\n", "create")
+
+        if self._ask("write", _PROBE, put, taken=False) and self._ask(
+            "write", _PROBE, put, taken=False
+        ):
+            raise RsaDataError(
+                f"{self.location}: expected a store that creates an object only where there is "
+                "none; this one replaced it, so two runs at once could mix. Use another store for "
+                "--work"
+            )
+        self.probed = True
+
+    def _ask(self, verb: str, path: str, request: Callable[[], T], **answers: Any) -> T:
+        """The answer to a request; `missing`, `taken`, `empty`: what 404, 412, 416 mean here."""
+        errors = self.obstore.exceptions
+        for again in range(_AGAIN):
+            try:
+                return request()
+            except (errors.BaseError, OSError, ValueError) as error:
+                what = str(error).partition("\n\nDebug source")[0].strip()
+                no_bucket = "NoSuchBucket" in what or "ContainerNotFound" in what
+                if isinstance(error, FileNotFoundError) and not no_bucket and "missing" in answers:
+                    return answers["missing"]
+                if isinstance(error, errors.AlreadyExistsError) and "taken" in answers:
+                    return answers["taken"]
+                match = _STATUS.search(what)
+                status = int(match[1]) if match else 0
+                if status == 416 and "empty" in answers:
+                    return answers["empty"]
+                text = f"cannot {verb} {self.location}/{path}: {what}"
+                lasting = (FileNotFoundError, PermissionError, ValueError)
+                # 409: another conditional PUT of this key is under way.
+                if isinstance(error, lasting) or (400 <= status < 500 and status not in _PASSING):
+                    raise RsaDataError(text) from error
+                # obstore has tried those with a status again already.
+                if (status and status != 409) or again == _AGAIN - 1:
+                    raise TransientError(f"{text}. Run the same command again") from error
+            time.sleep(0.2 * 2**again)
+        raise AssertionError("unreachable")
+
+
+_PASSING = frozenset({408, 409, 425, 429})
+
+
+def _open(scheme: str, location: str, option: str) -> Any:
+    """obstore's store, with the credentials that there are."""
+    from obstore import exceptions, store
+
+    from_url: Any = store.from_url
+
+    given: dict[str, Any] = {}
+    endpoint = ""
+    if scheme == "s3":
+        endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL", "")
+        given |= {"endpoint": endpoint} if endpoint else {}
+        given |= _s3_credentials(location, option)
+    elif option == "--root" and not _has_credentials(scheme):
+        given["skip_signature"] = True
+    backoff = {
+        "init_backoff": timedelta(seconds=0.1),
+        "max_backoff": timedelta(seconds=20),
+        "base": 2,
+    }
+    try:
+        return from_url(
+            location,
+            client_options={
+                "connect_timeout": timedelta(seconds=10),
+                "timeout": timedelta(minutes=10),
+                "read_timeout": timedelta(seconds=60),
+                "allow_http": endpoint.startswith("http://"),
+            },
+            retry_config={
+                "backoff": backoff,
+                "max_retries": TRIES - 1,
+                "retry_timeout": timedelta(minutes=4),
+            },
+            **given,
+        )
+    except (exceptions.BaseError, ValueError) as error:
+        raise RsaDataError(f"{option} {location}: {str(error).splitlines()[0]}") from error
+
+
+_S3_VARIABLES = (
+    "AWS_ACCESS_KEY_ID",
+    "AWS_WEB_IDENTITY_TOKEN_FILE",
+    "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
+    "AWS_CONTAINER_CREDENTIALS_FULL_URI",
+)
+_GS_VARIABLES = ("GOOGLE_APPLICATION_CREDENTIALS", "GOOGLE_SERVICE_ACCOUNT")
+_GS_FILE = ".config/gcloud/application_default_credentials.json"
+
+
+def _has_credentials(scheme: str) -> bool:
+    if scheme == "az":
+        return any(name.startswith("AZURE_") and name != _AZURE_NAME for name in os.environ)
+    if any(name.startswith(_GS_VARIABLES) for name in os.environ):
+        return True
+    return (Path.home() / _GS_FILE).is_file()
+
+
+_AZURE_NAME = "AZURE_STORAGE_ACCOUNT_NAME"
+
+
+def _s3_credentials(location: str, option: str) -> dict[str, Any]:
+    """What obstore is given beside what it reads from the environment by itself."""
+    if any(os.environ.get(name) for name in _S3_VARIABLES):
+        return {}
+    try:
+        import boto3
+        from obstore.auth.boto3 import Boto3CredentialProvider
+    except ImportError:
+        return {"skip_signature": True} if option == "--root" else {}
+    session = boto3.Session()
+    if session.get_credentials() is not None:
+        return {"credential_provider": Boto3CredentialProvider(session)}
+    if option == "--root":
+        return {"skip_signature": True}
+    raise RsaDataError(
+        f"cannot write {location}: expected credentials in the environment (AWS_ACCESS_KEY_ID "
+        "...), in ~/.aws or of this machine's role; found none"
+    )
