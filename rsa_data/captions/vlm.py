@@ -10,6 +10,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from ..common import bounded
 from ..common.errors import RowError, UsageError
 from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
@@ -106,8 +107,8 @@ def prompt_of(file: Path | None) -> str:
     """The question: of a file, or the one that is shipped."""
     place = file or Path(__file__).with_name("vlm_prompt.txt")
     try:
-        text = place.read_text("utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
+        text = bounded.read_text(place).strip()
+    except OSError as error:
         raise UsageError(f"--prompt {place}: expected a text file in UTF-8: {error}") from error
     if not text:
         raise UsageError(f"--prompt {place}: expected a question; found an empty file")

@@ -35,10 +35,8 @@ LIMITS: dict[str, float] = {
     "json": 1.2e9,
     # Bytes of a TOML file; the parser is slow.
     "toml": 1e6,
-    # Bytes of a receipt, a description or another small file of a work dir.
-    "record": 64e6,
-    # Bytes of a head's weights and of a released checkpoint, as the file and unpacked.
-    "head": 512e6,
+    # Bytes of a file of a work dir that is read whole: a description, a manifest, a head.
+    "record": 512e6,
     # Bytes of a server's answer that is not a file: JSON, or a page that lists a folder.
     "answer": 16e6,
     # Entries of a folder tree or a bucket that an index looks at.
@@ -103,16 +101,26 @@ def read(path: Path, kind: str) -> bytes:
         for a file over the limit.
     """
     most = int(limit(kind))
-    if isinstance(path, Path):
+    if not isinstance(path, Path):
+        with path.open("rb") as file:
+            data: bytes = file.read(most + 1)
+    else:
         # Asked first: opening a pipe waits for somebody who writes.
         check_file(path)
-    with path.open("rb") as file:
-        if isinstance(path, Path) and (there := os.fstat(file.fileno()).st_size) > most:
-            raise over(kind, there)
-        data = file.read(most + 1)
+        with open(path, "rb", opener=_opened) as file:
+            if (there := os.fstat(file.fileno()).st_size) > most:
+                raise over(kind, there)
+            data = file.read(there + 1)
+            if len(data) > there:  # a file that grows, or one of /proc, which says 0
+                data += file.read(most + 1 - len(data))
     if len(data) > most:
         raise over(kind, len(data))
     return data
+
+
+def _opened(path: str, flags: int) -> int:
+    # A pipe that took the file's place meanwhile is not waited for either.
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def check_file(path: Path) -> None:
@@ -129,7 +137,7 @@ def read_text(path: Path, kind: str = "text") -> str:
     except Refused:
         raise
     except ValueError as error:
-        raise Refused(f"expected UTF-8 text, found {error}") from error
+        raise Refused(f"expected UTF-8 text; found {error}") from error
 
 
 def read_json(path: Path, kind: str = "json") -> Any:

@@ -4,13 +4,12 @@ A card is one TOML file. Its common keys are the fields of `Card`; every other k
 code of its kind (segments, relative-depth, text-encoder) and stands in `settings`.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from . import forms, typed
+from . import bounded, forms, typed
 from .errors import RsaDataError, unknown
 
 _CARDS = Path(__file__).parent / "model_cards"
@@ -65,8 +64,8 @@ def read_card(path: Path) -> Card:
     """
     where = f"model card {path}"
     try:
-        content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        content = bounded.read_toml(path)
+    except (OSError, ValueError) as error:
         raise RsaDataError(f"{where}: expected a TOML file; found: {error}") from error
     common = {key: content.pop(key) for key in _COMMON & content.keys()}
     return typed.convert({"name": path.stem, **common, "settings": content}, Card, where)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import forms
+from . import bounded, forms
 from .errors import RsaDataError, unknown
 
 _FORM = {"first?": "a class number", "count?": "a class number"}
@@ -133,10 +133,10 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
 def read(path: Path) -> ClassTable:
     """A table from a file: TOML as in `parse`, or text with one name a line, counted from 0."""
     try:
-        text = path.read_text("utf-8")
         if path.suffix == ".toml":
-            return parse(tomllib.loads(text), path.name)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            return parse(bounded.read_toml(path), path.name)
+        text = bounded.read_text(path)
+    except (OSError, ValueError) as error:
         raise RsaDataError(
             f"names: expected a file of class names, one a line or TOML, at {path}; found {error}"
         ) from error

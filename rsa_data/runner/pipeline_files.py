@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import registry
-from ..common import options, typed
+from ..common import bounded, options, typed
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import open_root
@@ -78,12 +78,12 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
     Raises UsageError, with file, place and nearest name, before anything is loaded or written.
     """
     shipped = schemas.shipped("pipelines") / f"{path}.toml"
-    file = path if path.is_file() else shipped
-    if not file.is_file():
+    file = path if path.exists() else shipped
+    if not file.exists():
         raise unknown("pipeline file", str(path), [p.stem for p in shipped.parent.glob("*.toml")])
     try:
-        raw = tomllib.loads(file.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raw = bounded.read_toml(file)
+    except (OSError, ValueError) as error:
         raise UsageError(f"{path}: not a TOML file: {error}") from error
     _rename(raw)
     for where, value in (changes or {}).items():

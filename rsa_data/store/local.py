@@ -14,6 +14,7 @@ from typing import BinaryIO
 
 import pyarrow as pa
 
+from ..common import bounded
 from ..common.errors import RsaDataError, TransientError
 from .failpoints import failpoint
 
@@ -29,7 +30,7 @@ class LocalStore:
 
     def read(self, path: str) -> bytes | None:
         try:
-            return (self.folder / path).read_bytes()
+            return bounded.read(self.folder / path, "record")
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:

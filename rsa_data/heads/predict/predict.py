@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ...common import bounded, text_files
 from ...common.errors import RsaDataError, UsageError
 from ...common.options import accepts_old_names
 from ...store.tables import WorkDir
@@ -204,8 +205,8 @@ def _lines(path: Path | None) -> list[str]:
     if path is None:
         return []
     try:
-        lines = path.read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = text_files.lines(bounded.read_text(path))
+    except OSError as error:
         raise RsaDataError(
             f"--captions {path}: expected UTF-8 text, a caption a line: {error}"
         ) from error
