@@ -1,6 +1,24 @@
-"""`python -m rsa_data`: the command line, where no console script is on the path."""
+"""`python -m rsa_data` and the console script: signals are handled before anything is imported."""
 
-from .cli.main import main
+import os
+import signal
+from typing import Any
+
+
+def main() -> None:
+    """Runs the command line; see cli/main.py."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
+    from rsa_data.cli.main import main as run
+
+    run()
+
+
+def _stop(number: int, frame: Any) -> None:
+    os.write(2, b"\nStopped.\n")
+    os._exit(130)
+
 
 if __name__ == "__main__":
     main()

@@ -1,7 +1,5 @@
 """The command line: one group, whose commands are loaded when they are called."""
 
-import signal
-import sys
 import warnings
 from importlib import import_module
 from typing import Any
@@ -9,9 +7,9 @@ from typing import Any
 import click
 
 from .. import registry
-from ..common.errors import RsaDataError, unknown
+from ..common.errors import unknown
 from ..common.options import RenamedOption
-from . import console
+from . import console, process
 from .options import current_words
 
 # Literal, so that `rsa-data --help` loads no command and a command loads its own module only.
@@ -106,6 +104,13 @@ class Group(click.Group):
     cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
 )
 @click.version_option(package_name="rsa-data")
+@click.option(
+    "--debug",
+    is_flag=True,
+    help="Show the traceback of an unexpected error.",
+    expose_value=False,
+    callback=process.debug,
+)
 def cli() -> None:
     """Predict metric depth from relative depth and a caption.
 
@@ -137,20 +142,13 @@ def _show_warnings_once() -> None:
 def main() -> None:
     """The console script: exit 0 when all is done, 2 for a wrong call, 1 for a failure, 130 when
     interrupted."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with warnings.catch_warnings():
-            _show_warnings_once()
-            sys.exit(cli(standalone_mode=False) or 0)
-    except (KeyboardInterrupt, click.Abort):
-        console.print_error("\nStopped. Finished parts are kept: run the same command to continue.")
-        sys.exit(130)
-    except RsaDataError as error:
-        console.print_error(f"Error: {error}")
-        sys.exit(error.exit_code)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
+    process.run(_run)
+
+
+def _run() -> None:
+    with warnings.catch_warnings():
+        _show_warnings_once()
+        cli(standalone_mode=False)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import is_remote
 from ..store.tables import WorkDir
-from . import jobs, runs, stages
+from . import jobs, limits, runs, stages
 from . import plan as planning
 from .engines.pool import EngineOptions
 from .jobs import Job
@@ -124,6 +124,10 @@ def _run(job: Job, how: RunOptions) -> Summary:
             f"{summary.output}: {len(summary.undone)} parts are not done; part {number}: {why}. "
             "Finished parts are kept: run the same command again"
         )
+    seen = summary.ok + summary.failed
+    limits.check_failures(
+        summary.failed, seen, how.max_failures, lambda: summary.reasons, ended=True
+    )
     return summary
 
 

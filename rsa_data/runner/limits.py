@@ -6,7 +6,7 @@ from ..common.errors import RsaDataError, UsageError
 from ..common.units import size
 from .jobs import Job
 
-# A share of failures says little before so many rows.
+# Before so many rows a share says little about the rest of a run; at its end it is judged anyway.
 _ENOUGH_ROWS = 50
 
 
@@ -29,21 +29,38 @@ def check_failures(
     seen: int,
     most: float | int | None,
     reasons: Callable[[], list[tuple[str, int]]],
+    *,
+    ended: bool = False,
 ) -> None:
-    """Raises RsaDataError when more of the `seen` rows failed than the user allows."""
-    if most is None or not failed:
+    """Raises RsaDataError when more of the `seen` rows failed than the user allows.
+
+    ended : these are all rows there are, not the first ones. Then it is also an error if every row
+    failed, whatever the user allows.
+    """
+    if not failed:
+        return
+    if ended and failed == seen:
+        raise RsaDataError(f"all {failed:,} rows failed. {_told(reasons())}. {_FIX}")
+    if most is None:
         return
     if isinstance(most, int):
         too_many, limit = failed > most, f"{most:,}"
     else:
-        too_many, limit = seen >= _ENOUGH_ROWS and failed > most * seen, f"{most:.3g} of the rows"
+        too_many = (ended or seen >= _ENOUGH_ROWS) and failed > most * seen
+        limit = f"{most:.3g} of the rows"
     if too_many:
-        why = "; ".join(f"{count:,} times, such as: {reason}" for reason, count in reasons())
         raise RsaDataError(
             f"stopped: {failed:,} of {seen:,} rows failed, more than --max-failures {limit}. "
-            f"{why}. Finished parts are kept. Mend the input, run `rsa-data retry-failed`, then "
-            "the same command again; or allow more failures"
+            f"{_told(reasons())}. Finished parts are kept. {_FIX}, then the same command again; "
+            "or allow more failures"
         )
+
+
+_FIX = "Fix the input and run `rsa-data retry-failed`"
+
+
+def _told(reasons: list[tuple[str, int]]) -> str:
+    return "; ".join(f"{count:,} times, such as: {reason}" for reason, count in reasons)
 
 
 def check_space(job: Job, done: list[int], left: Iterable[int]) -> None:

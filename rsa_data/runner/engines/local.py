@@ -22,6 +22,9 @@ from .pool import EngineOptions, Task, WorkerEvent, attempt, portable
 # Exit status of a worker that held more memory than it may.
 _TOO_MUCH = 117
 
+# s that workers have to end when they are told to, all together.
+_END_WITHIN = 2.0
+
 
 class Processes:
     """Spawned processes: threads of torch and ONNX Runtime do not survive a fork.
@@ -67,8 +70,9 @@ class Processes:
             # Whatever it has half done is in a temporary file, which goes with the next sweep.
             process.terminate()
             worker.close()
+        deadline = time.monotonic() + _END_WITHIN
         for process in self.processes.values():
-            process.join(5)
+            process.join(max(0.0, deadline - time.monotonic()))
             if process.exitcode is None:
                 process.kill()
                 process.join()

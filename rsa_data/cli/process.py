@@ -1,0 +1,120 @@
+"""The process of a command: its exit status, its streams, and errors that nobody sees as traces."""
+
+import io
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from ..common.errors import RsaDataError
+from . import signals
+
+# Shows the traceback of an unexpected error, as `rsa-data --debug` does.
+DEBUG = "RSA_DATA_DEBUG"
+
+
+def run(command: Callable[[], Any]) -> None:
+    """Calls a command and ends the process: with 0 when it returns, 2 for a wrong call, 1 for a
+    failure, 130 when it was stopped."""
+    signals.install()
+    _open_streams()
+    try:
+        status = command() or 0
+        sys.stdout.flush()
+    except BaseException as error:
+        status = _status(error)
+    _end(status)
+
+
+def debug(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    """The option --debug."""
+    if value:
+        os.environ[DEBUG] = "1"  # so that worker processes have it too
+
+
+def _status(error: BaseException) -> int:
+    """The exit status that an error means; says on standard error what it is."""
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else 1
+    if signals.received() or isinstance(error, (KeyboardInterrupt, click.Abort)):
+        signals.say_stopped()
+        return 130
+    if isinstance(error, BrokenPipeError):
+        return 1  # the reader of standard output has left, as `head` does
+    if isinstance(error, RsaDataError):
+        _say(f"Error: {error}")
+        return error.exit_code
+    if isinstance(error, click.ClickException):
+        error.show()
+        return error.exit_code
+    if os.environ.get(DEBUG):
+        _say("".join(traceback.format_exception(error)).rstrip())
+    _say(f"Error: {_unexpected(error)}")
+    return 1
+
+
+def _unexpected(error: BaseException) -> str:
+    if isinstance(error, MemoryError):
+        return "out of memory. Finished parts are kept: run it again with fewer --workers"
+    if isinstance(error, RecursionError):
+        return "the input is nested too deeply"
+    kind, what = type(error).__name__, " ".join(str(error).split())
+    if isinstance(error, OSError):
+        return (f"{error.filename}: " if error.filename else "") + (error.strerror or what)
+    shown = f"unexpected {kind}: {what}" if what else f"unexpected {kind}"
+    return f"{shown:.500}. This is a fault of rsa-data: `rsa-data --debug ...` shows the traceback"
+
+
+def _say(line: str) -> None:
+    try:
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        pass  # nobody reads it any more
+
+
+def _open_streams() -> None:
+    """Makes the standard streams safe to write to.
+
+    A closed one is opened on nothing: the next file opened would get its number, and what libraries
+    print would go into it. Characters that the encoding of a stream lacks are written as escapes.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    for name, stream in (("stdout", sys.stdout), ("stderr", sys.stderr)):
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        kept = {"encoding": sys.stdout.encoding, "line_buffering": sys.stdout.line_buffering}
+        sys.stdout = _Output(sys.stdout.detach(), errors="backslashreplace", **kept)  # type: ignore[arg-type]
+
+
+class _Output(io.TextIOWrapper):
+    """Standard output that says of itself when it cannot be written."""
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise RsaDataError(
+                f"standard output cannot be written: {error.strerror or error}"
+            ) from error
+
+
+def _end(status: int) -> None:
+    """Ends the process; what cannot be written any more is a failure, not a trace at exit."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError, RsaDataError):
+        status = status or 1
+        # Python would try once more at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(status)
