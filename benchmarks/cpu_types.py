@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 
 from rsa_data import registry
 from rsa_data.embeddings.encoder import Encoder
-from rsa_data.runner import verify
+from rsa_data.runner import recompute
 from rsa_data.store import schemas
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -175,7 +175,7 @@ def differences(there: pa.Table, again: pa.Table) -> tuple[float, str]:
     """(largest difference of a value of any column of floats, its column)."""
     found = [(0.0, "-")]
     for name in there.schema.names:
-        one, two = (verify.floats(table, name) for table in (there, again))
+        one, two = (recompute.floats(table, name) for table in (there, again))
         for a, b in zip(one or (), two or (), strict=True):
             if a.shape == b.shape and a.size and not np.isnan(a - b).all():
                 found.append((float(np.nanmax(np.abs(a - b))), name))
@@ -213,9 +213,9 @@ def main() -> int:
                     print(f"{name:26} {run:18} not made", flush=True)
                     continue
                 one, two = pq.read_table(there), pq.read_table(again)
-                precision = next((p for p in verify.TOLERANCES if p in name.split()), "float32")
-                tolerance = verify.TOLERANCES[precision]
-                wrong, share = verify.compare(one, two, tolerance)
+                precision = next((p for p in recompute.TOLERANCES if p in name.split()), "float32")
+                tolerance = recompute.TOLERANCES[precision]
+                wrong, share = recompute.compare(one, two, tolerance)
                 value, column = differences(one, two)
                 worst = max(worst, share / tolerance if name not in REFUSED else 0.0)
                 said = "; ".join(wrong) or ("within the tolerance" if share else "the same")
@@ -224,7 +224,7 @@ def main() -> int:
                     f"{share / tolerance:.3f} of the tolerance; verify: {said}",
                     flush=True,
                 )
-    print(f"largest share of a tolerance: {worst:.3f}; verify's are {verify.TOLERANCES}")
+    print(f"largest share of a tolerance: {worst:.3f}; verify's are {recompute.TOLERANCES}")
     return 0 if worst <= 1 else 1
 
 

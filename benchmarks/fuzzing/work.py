@@ -77,7 +77,7 @@ def work_dir(here: Path) -> One:
         for act in (
             lambda: status.status(work),
             lambda: verify.verify(work, str),
-            lambda: verify.recompute(work, 1, str, seed=0),
+            lambda: recompute.recompute(work, 1, str, seed=0),
             lambda: [work.table("rooms", n).read(0) for n in ("samples", "captions/occupancy")],
         ):
             try:

@@ -10,6 +10,7 @@ from ..common import class_names, options
 from ..common.errors import RsaDataError, unknown
 from ..runner import pipeline_files
 from ..runner import status as state
+from ..runner import recompute as recomputing
 from ..runner import verify as checks
 from ..store.tables import WorkDir
 from .shared import work_option
@@ -46,7 +47,7 @@ def verify(work: str, recompute: int) -> None:
     """
     problems = checks.verify(WorkDir(work), click.echo)
     if recompute:
-        problems += checks.recompute(WorkDir(work), recompute, click.echo)
+        problems += recomputing.recompute(WorkDir(work), recompute, click.echo)
     if problems:
         raise RsaDataError(
             f"{problems} problems found. To make a bad part again, delete its receipt "

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from .. import registry
 from ..common import options as option_binding
 from ..common.errors import RsaDataError, UsageError
 from ..store import schemas
+from ..store.names import check_dataset_name
 from ..store.tables import Description, Made, WorkDir, fingerprint
 from .dataset import Dataset
 from .roots import is_remote, open_root
@@ -24,6 +26,7 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     Returns it with what the samples table keeps, from which `load_dataset` opens it again.
     """
     builder, _, name = choice.partition(":")
+    check_dataset_name(name or builder)
     build = registry.resolve("dataset", registry.DATASETS, builder)
     known = option_binding.parameters(_part_sizes)
     sizes = {k: v for k, v in given.items() if k.replace("-", "_") in known}
@@ -124,7 +127,9 @@ def index(
     old = [table.read(number, columns=["sample_id"]) for number in there]
     known = pa.concat_tables(old)["sample_id"] if old else pa.chunked_array([[]], pa.string())
     fresh = samples.filter(pc.invert(pc.is_in(samples["sample_id"], value_set=known)))
-    number = max(there, default=-1) + 1
+    # The number of a part that was lost comes first: its samples are the first ones that are new.
+    end = max(there, default=-1) + 1
+    numbers = chain(sorted(set(range(end)) - set(there)), count(end))
     if len(fresh):
         table.forget_manifest()
     for split in sorted(pc.unique(fresh["split"]).to_pylist(), key=lambda s: (s != "train", s)):
@@ -132,14 +137,16 @@ def index(
         size = test_part_size if split in dataset.test_splits else part_size
         for start in range(0, len(rows), size):
             part = rows.slice(start, size)
-            what = {"dataset": dataset.name, "digest": schemas.digest(part)}
-            made = Made(
-                ok=len(part), failed=0, skipped=0, split=split, fingerprint=fingerprint(what)
-            )
-            table.commit(number, part, made)
-            number += 1
+            follows = sample_fingerprint(dataset.name, schemas.digest(part))
+            made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
+            table.commit(next(numbers), part, made)
     table.manifest(table.parts())
     return {"samples": len(known) + len(fresh), "new": len(fresh)}
+
+
+def sample_fingerprint(dataset: str, digest: str) -> str:
+    """What a part of samples follows from: itself; digest : of its content."""
+    return fingerprint({"dataset": dataset, "digest": digest})
 
 
 def _named(samples: pa.Table, name: str) -> pa.Table:

@@ -211,6 +211,7 @@ STAGE = Stage(
     schema="depth",
     folder="depth",
     selector="depth_model",
+    models=True,
     local=("depth_weights",),
     files=files,
 )

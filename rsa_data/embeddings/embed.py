@@ -247,6 +247,7 @@ STAGE = Stage(
     reads=Reads("captions", "style", with_samples=False),
     unit="text_id",
     noun="texts",
+    models=True,
     local=("encoder_weights", "audit_head"),
     files=files,
     notes=Notes(("truncated", "n_tokens"), notes),

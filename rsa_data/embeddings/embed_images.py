@@ -157,6 +157,7 @@ STAGE = Stage(
     schema="image_embeddings",
     folder="embeddings/images",
     selector="encoder",
+    models=True,
     local=("encoder_weights",),
     files=files,
 )

@@ -8,6 +8,7 @@ from typing import Any
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import is_remote
+from ..store.names import is_name
 from ..store.tables import WorkDir
 from . import jobs, limits, runs, stages
 from . import plan as planning
@@ -148,7 +149,8 @@ def begin(
     reads = configured.stage.reads
     if reads is None or not reads.made_first or (wanted is None and not given):
         return None
-    if not given and work.table(choice.rpartition(":")[2], f"{reads.kind}/{wanted}").exists():
+    there = work.table(choice.rpartition(":")[2], f"{reads.kind}/{wanted}")
+    if not given and wanted and is_name(wanted) and there.exists():
         return None
     first = stages.maker(reads.kind)
     assert first.selector is not None

@@ -7,6 +7,7 @@ from typing import Any
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import current
 from ..datasets import index
+from ..store.names import check_name
 from ..store.tables import Table, WorkDir
 from . import stages
 from .stage import Options, Stage
@@ -56,7 +57,7 @@ def job(
         inputs: tuple[str, ...] = ("samples",)
     else:
         inputs = (upstream, "samples") if stage.reads.with_samples else (upstream,)
-    label = configured.label or configured.default_label(read)
+    label = check_name(stage.name, configured.label or configured.default_label(read))
     _check_free(stage, label)
     output = f"{stage.folder.format(label=read)}/{label}"
     place = index.find_root(work, dataset, root)

@@ -11,6 +11,7 @@ from ..common.errors import RsaDataError, TransientError
 from ..datasets import index
 from ..datasets.roots import open_root
 from ..store.tables import Description, Made, Receipt, WorkDir
+from .cpu import cpu_type
 from .fingerprints import part_fingerprint, part_inputs, same
 from .jobs import Job
 from .stage import Step
@@ -57,6 +58,7 @@ def run_part(
         Made(
             **counts,
             audit=_measured(made),
+            cpu=cpu_type() if stage.models and description.files else "",
             split=job.table("samples").receipt(number).split,
             inputs=digests,
             fingerprint=part_fingerprint(description, digests),

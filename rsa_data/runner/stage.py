@@ -83,6 +83,8 @@ class Stage:
         label of the table that is read.
     reads : the table that is read besides samples, if there is one.
     unit : column whose distinct values a receipt counts; noun : what people call them.
+    models : whether a model's arithmetic decides the content, so that it may differ in its last
+        digits between types of CPU.
     local : options that say where something lies or how fast it goes, never what comes out.
     files : the files whose bytes decide the content, by name; may download them.
     identity : what else the content follows from, such as versions and vocabularies.
@@ -102,6 +104,7 @@ class Stage:
     reads: Reads | None = None
     unit: str = "sample_id"
     noun: str = "samples"
+    models: bool = False
     local: tuple[str, ...] = ()
     files: Callable[..., dict[str, Path]] = _nothing
     identity: Callable[..., dict[str, Any]] = _nothing

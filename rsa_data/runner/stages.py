@@ -9,6 +9,7 @@ from typing import Any
 from .. import registry
 from ..common import options as binding
 from ..common.errors import UsageError
+from ..store.names import check_name
 from .stage import GIVEN, Options, Stage
 
 
@@ -50,7 +51,7 @@ class ConfiguredStage:
     def __post_init__(self) -> None:
         self.stage.check(**self.options)
         if self.label is not None:
-            check_label(self.label)
+            check_name("--label", self.label)
 
     def default_label(self, read: str | None) -> str:
         """The label of the table where none was given.
@@ -89,16 +90,6 @@ def label_of(choice: str) -> str:
     """
     name, _, argument = choice.partition(":")
     return f"{name}-{Path(argument).name}" if argument and name in ("hf", "files") else name
-
-
-def check_label(label: str) -> None:
-    """Raises UsageError unless a table can have that label: one plain folder name."""
-    plain = label and label not in (".", "..") and label[0] not in "._-"
-    if not plain or not all(c.isalnum() or c in "._-+" for c in label):
-        raise UsageError(
-            f"--label: expected letters, digits, '.', '_', '+' and '-', beginning with a letter or "
-            f"a digit; found {label!r}"
-        )
 
 
 def _without_given(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -17,6 +17,7 @@ _ROWS = ("ok", "failed", "skipped")
 
 def status(work: WorkDir) -> list[str]:
     """One line a table: parts, rows ok, failed, skipped, bytes, rate, and what is out of date."""
+    need_work_dir(work)
     lines: list[str] = []
     for dataset in work.datasets():
         total = len(work.table(dataset, "samples").parts())
@@ -36,7 +37,16 @@ def status(work: WorkDir) -> list[str]:
     for folder, collection in collections():
         for name in collection.names(work):
             lines.append(f"{folder}/{name}  {collection.state(work, name)}".rstrip())
-    return lines or [f"{work.store.location}: no dataset yet"]
+    return lines or [f"{work.store.location}: no dataset there yet"]
+
+
+def need_work_dir(work: WorkDir) -> None:
+    """Raises RsaDataError unless the work dir holds something."""
+    if not work.store.list(""):
+        raise RsaDataError(
+            f"{work.store.location}: expected a work dir; found nothing there. Name it by --work, "
+            "or begin one: rsa-data captions --dataset NAME"
+        )
 
 
 def collections() -> list[tuple[str, Collection]]:

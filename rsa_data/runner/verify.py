@@ -1,199 +1,142 @@
-"""Whether a work dir is what its receipts say, and whether its parts come out the same again."""
+"""Whether a work dir is whole, and is what its descriptions and receipts say."""
 
-import hashlib
-import random
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from ..common.errors import RsaDataError
 from ..common.units import size
-from ..store import schemas
-from ..store.tables import Description, Receipt, Table, WorkDir
-from . import fingerprints, jobs, parts, stages, status
+from ..store.names import KEPT
+from ..store.receipts import is_table
+from ..store.tables import Table, WorkDir
+from . import status
+from .check_parts import Checked, check_part
+from .cpu import mixed
 
-# Model outputs on another CPU type, device or library version: the most that a row's values may be
-# off, as a share of the row's norm, by the arithmetic of the model. Measured between CPUs with and
-# without AVX-512, AVX2 and FMA (benchmarks/cpu_types.py), float32 differs by up to 8.6e-6, and what
-# is kept as float16 by one step of up to 9.8e-4 of a value; bfloat16, computed by its own units or
-# in float32, by 1.3e-2; int8, whose products saturate without VNNI, by 5.8e-2 (CLIP's shape).
-# float16 runs on GPUs alone and was not measured.
-TOLERANCES = {"float32": 2e-3, "float16": 5e-3, "bfloat16": 2.5e-2, "int8": 0.12}
+Report = Callable[[str], Any]
 
-# Columns of float16 as bytes, one array a row: schemas/depth.toml.
-_HALVES = ("relative", "metric")
+# What only a table's folder holds.
+_PART = re.compile(r"_?part-\d{5,}.*|_?manifest\.json")
 
-Say = Callable[[str], Any]
+# Part numbers that a message lists; the others are counted.
+_LISTED = 5
 
 
-def verify(work: WorkDir, say: Say) -> int:
-    """Reads every part of every table again. Says each problem; returns how many there are.
+def verify(work: WorkDir, report: Report) -> int:
+    """Reads everything in a work dir again. Reports each problem; returns how many there are.
 
-    Checked: bytes and sha256 against the receipt, schema, digest of the content, rows accounted
-    for against the input, that no part came from an input that has changed since, and that a
-    manifest has the receipts that lie there.
+    Checked from the samples downwards: every part is there; data, receipts, manifests, descriptions
+    and fingerprints agree with each other, with the samples and with the inputs; schema versions
+    are known; nothing else lies among the parts. Then the heads and what else a work dir holds, see
+    `registry.COLLECTIONS`.
+
+    Raises RsaDataError when there is no work dir.
     """
-    problems = checked = total = 0
-    for dataset in work.datasets():
-        for name in work.tables(dataset):
-            table = work.table(dataset, name)
-            description = table.description()
-            old = status.outdated(work, table)
-            manifest = table.stored_manifest()
-            merged = {r.part: r for r in manifest.parts} if manifest else {}
-            for number in table.parts():
-                receipt = table.receipt(number)
-                found = list(_check(work, table, description, receipt))
-                if number in old:
-                    found.append("its input has changed since: run the stage again")
-                if manifest is not None and merged.get(number) != receipt:
-                    found.append("the manifest has another receipt: run the stage again")
-                for text in found:
-                    say(f"{table} part {number}: {text}")
-                problems += len(found)
-                checked += 1
-                total += receipt.bytes
-    say(f"{checked} parts, {size(total)} read: {problems or 'no'} problems")
+    status.need_work_dir(work)
+    checked, problems = Checked(), 0
+    for dataset in _datasets(work):
+        for problem in _check_dataset(work, dataset, checked):
+            report(problem)
+            problems += 1
+    for folder, collection in status.collections():
+        for name in collection.names(work):
+            for problem in collection.check(work, name):
+                report(f"{work.store.location}/{folder}/{name}: {problem}")
+                problems += 1
+            checked.others += 1
+    for note in checked.notes:
+        report(f"note: {note}")
+    read = f"{checked.parts} parts, {size(checked.bytes)} and {checked.others} heads and results"
+    report(f"{read} read: {problems or 'no'} problems")
     return problems
 
 
-def _check(
-    work: WorkDir, table: Table, description: Description, receipt: Receipt
+def _datasets(work: WorkDir) -> list[str]:
+    """Folders that hold tables, or what is left of tables."""
+    names = [name[:-1] for name in work.store.list("") if name.endswith("/")]
+    return [name for name in names if name not in KEPT and _folders(work, name)]
+
+
+def _folders(work: WorkDir, dataset: str) -> list[tuple[str, bool]]:
+    """(folder, whether a description lies there) of each table, and of parts without one."""
+    found, waiting = [], [""]
+    while waiting:
+        folder = waiting.pop()
+        names = work.store.list(f"{dataset}/{folder}")
+        if is_table(names) or any(_PART.fullmatch(name) for name in names):
+            found.append((folder.rstrip("/"), is_table(names)))
+        waiting += [folder + name for name in names if name.endswith("/")]
+    return sorted(found, key=lambda f: (f[0] != "samples", f))
+
+
+def _check_dataset(work: WorkDir, dataset: str, checked: Checked) -> Iterator[str]:
+    folders = _folders(work, dataset)
+    samples = work.table(dataset, "samples")
+    if "samples" not in [name for name, _ in folders]:
+        yield f"{samples}: expected the samples of this dataset; found none"
+    for name, described in folders:
+        table = work.table(dataset, name)
+        if not described:
+            yield f"{table}: expected _table.json, which says what made these parts; found none"
+            continue
+        try:
+            expected = _expected(table, samples)
+            yield from _check_table(work, table, expected, checked)
+        except RsaDataError as error:
+            yield str(error)
+
+
+def _expected(table: Table, samples: Table) -> list[int]:
+    """Numbers of the parts that a finished table has."""
+    numbers = samples.parts()
+    return list(range(max(numbers, default=-1) + 1)) if table.name == samples.name else numbers
+
+
+def _check_table(
+    work: WorkDir, table: Table, expected: list[int], checked: Checked
 ) -> Iterator[str]:
-    number = receipt.part
-    data = table.store.read(f"{table.path}/{receipt.file}")
-    if data is None:
-        yield f"expected {receipt.file}, found no such file"
-        return
-    if (found := hashlib.sha256(data).hexdigest()) != receipt.sha256:
-        yield f"expected sha256 {receipt.sha256[:12]}..., found {found[:12]}..."
-        return
-    try:
-        rows = pq.read_table(pa.BufferReader(data), use_threads=False)
-        schemas.check(description.schema, rows)
-    except (RsaDataError, pa.ArrowException, OSError) as error:
-        yield str(error)
-        return
-    if len(rows) != receipt.rows:
-        yield f"expected {receipt.rows} rows, found {len(rows)}"
-    if schemas.digest(rows) != receipt.digest:
-        yield "the content has another digest than the receipt says"
-    stage = stages.known(description.stage)
-    for name in description.inputs[:1]:
-        source = work.table(table.dataset, name)
-        if number not in source.parts():
-            yield f"its input {name} is not there any more"
-        elif stage is not None:
-            try:
-                counts = parts.account(source.read(number), rows, stage.unit, str(table))
-            except RsaDataError as error:
-                yield str(error)
-                continue
-            if counts != {key: getattr(receipt, key) for key in counts}:
-                yield f"expected {counts}, as its rows say; the receipt says otherwise"
-
-
-def recompute(work: WorkDir, count: int, say: Say, *, seed: int | None = None) -> int:
-    """Makes `count` random parts of every stage's tables again and compares; returns problems.
-
-    The logical content must be equal; floats may differ by TOLERANCES, which is said. Parts that
-    are out of date are left out. seed : of the choice; None draws another one each time.
-    """
-    problems = 0
-    for dataset in work.datasets():
-        for name in work.tables(dataset):
-            table = work.table(dataset, name)
-            if stages.known(table.description().stage) is None:
-                continue
-            current = sorted(set(table.parts()) - status.outdated(work, table))
-            chosen = random.Random(seed).sample(current, min(count, len(current)))
-            problems += _recompute(work, table, sorted(chosen), say)
-    return problems
-
-
-def _recompute(work: WorkDir, table: Table, numbers: list[int], say: Say) -> int:
-    job = jobs.job_of(work, table.dataset, table.name)
-    if not fingerprints.same(table.description(), fingerprints.describe(job)):
-        say(f"{table}: its options, model files or version are not those of today; left out")
-        return 1
-    step = parts.build_step(job) if numbers else None
-    problems = 0
-    for number in numbers:
-        assert step is not None
-        again = step(*(job.table(name).read(number) for name in job.inputs))
-        there = table.read(number)
-        if schemas.digest(again) == schemas.digest(there):
-            say(f"{table} part {number}: the same")
+    there = table.parts()
+    if missing := sorted(set(expected) - set(there)):
+        what = f"{len(missing)} of {len(expected)} parts are missing: {_listed(missing)}"
+        yield f"{table}: {what}. Run the command of this table again"
+    if more := sorted(set(there) - set(expected)):
+        yield f"{table}: part {_listed(more)}: expected parts of the samples only"
+    manifest = table.stored_manifest()
+    merged = {receipt.part: receipt for receipt in manifest.parts} if manifest else {}
+    if lost := sorted(set(merged) - set(there)):
+        yield f"{table}: the manifest lists part {_listed(lost)}, which has no receipt"
+    old = status.outdated(work, table)
+    cpus, files = Counter[str](), set[str]()
+    unfounded: list[int] = []
+    for number in there:
+        try:
+            receipt = table.receipt(number)
+        except RsaDataError as error:
+            yield str(error)
             continue
-        tolerance = TOLERANCES[job.options.get("precision", "float32")]
-        wrong, most = compare(there, again, tolerance)
-        problems += bool(wrong)
-        said = "; ".join(wrong) or f"equal within {tolerance:g}: at most {most:.2g} of a row's norm"
-        say(f"{table} part {number}: {said}")
-    return problems
-
-
-def compare(there: pa.Table, again: pa.Table, tolerance: float) -> tuple[list[str], float]:
-    """(what differs beyond the tolerance, largest difference of floats as a share of the norm)."""
-    if there.schema.names != again.schema.names or len(there) != len(again):
-        return [f"expected {len(there)} rows, found {len(again)}, or other columns"], 0.0
-    wrong, most = [], 0.0
-    others: dict[int, list[str]] = {}  # rows that are not the same but for their floats
-    pairs = {}
-    for name in there.schema.names:
-        one, two = there[name].combine_chunks(), again[name].combine_chunks()
-        if one.equals(two):
-            continue
-        before, after = floats(there, name), floats(again, name)
-        if before is None or after is None:
-            same = [a == b for a, b in zip(one.to_pylist(), two.to_pylist(), strict=True)]
-        else:
-            same = [a.shape == b.shape for a, b in zip(before, after, strict=True)]
-            pairs[name] = before, after
-        for row in (row for row, equal in enumerate(same) if not equal):
-            others.setdefault(row, []).append(name)
-    for name, (before, after) in pairs.items():
-        rows = [row for row in range(len(there)) if row not in others]
-        off = max((_distance(before[row], after[row]) for row in rows), default=0.0)
-        most = max(most, off)
-        if not off <= tolerance:
-            wrong.append(f"column {name} differs by up to {off:.2g} of a row's norm")
-    if others:
-        row, names = min(others.items())
-        wrong.append(
-            f"{len(others)} of {len(there)} rows have another content, the first is row {row} "
-            f"({there[there.schema.names[0]][row].as_py()!r:.80}) in {', '.join(names)}"
+        found, founded = check_part(work, table, number, receipt, checked)
+        if not founded:
+            unfounded.append(number)
+        if number in old:
+            found.append("its input has changed since: run the stage again")
+        if manifest is not None and merged.get(number, receipt) != receipt:
+            found.append("the manifest has another receipt: run the stage again")
+        for text in found:
+            yield f"{table} part {number}: {text}"
+        cpus[receipt.cpu] += 1
+        files.add(receipt.file)
+    if unfounded:
+        yield (
+            f"{table}: part {_listed(unfounded)}: the fingerprint does not follow from _table.json "
+            "and the inputs: one of them was edited. Use --start-over to make the table again"
         )
-        if "score" in names:
-            wrong.append(
-                "on another CPU type or device a segment whose score lies at the threshold can "
-                "come or go; where one machine shall decide, delete the receipt and make it there"
-            )
-    return wrong, most
+    if note := mixed(cpus):
+        checked.notes.append(f"{table}: {note}")
+    if manifest is not None and (strange := table.leftovers(files)):
+        yield f"{table}: expected its parts only; found {', '.join(strange[:_LISTED])}"
 
 
-def floats(table: pa.Table, name: str) -> list[np.ndarray] | None:
-    """The floats of a column, one float64 array a row; None for columns of other types."""
-    metadata = table.schema.field(name).metadata or {}
-    column = table[name].combine_chunks()
-    if b"dtype" in metadata and pa.types.is_fixed_size_binary(column.type):
-        return list(schemas.embedding_array(table, name).astype(np.float64))
-    if name in _HALVES and pa.types.is_binary(column.type):
-        return [np.frombuffer(v or b"", "<f2").astype(np.float64) for v in column.to_pylist()]
-    kind = column.type
-    while pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind):
-        kind = kind.value_type
-    if not pa.types.is_floating(kind):
-        return None
-    return [np.array([] if v is None else v, np.float64).ravel() for v in column.to_pylist()]
-
-
-def _distance(one: np.ndarray, two: np.ndarray) -> float:
-    """Norm of the difference over the norm of a row; inf where only one is nan."""
-    if (np.isnan(one) != np.isnan(two)).any():
-        return float("inf")
-    one, two = np.nan_to_num(one), np.nan_to_num(two)
-    return float(np.linalg.norm(one - two)) / max(float(np.linalg.norm(one)), 1e-12)
+def _listed(numbers: list[int]) -> str:
+    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
+    return ", ".join(map(str, numbers[:_LISTED])) + more

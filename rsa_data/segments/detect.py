@@ -144,6 +144,7 @@ STAGE = Stage(
     schema="segments",
     folder="segments",
     selector="segments",
+    models=True,
     local=("segmenter_weights", "card", "threads"),
     files=files,
     check=check,

@@ -133,6 +133,20 @@ class Receipts:
         """Whether the table has been finished; an index that was stopped half-way has not."""
         return self.store.size(self.helper(MANIFEST)) is not None
 
+    def leftovers(self, files: Iterable[str]) -> list[str]:
+        """Names in the table's folder that are neither helper files nor `files`, its data."""
+        start, known = self._prefix(), {*files}
+        helpers = () if start else (TABLE, MANIFEST, LOCAL)
+        return [
+            name
+            for name in self.store.list(self.path)
+            if name not in known
+            and name not in helpers
+            and not name.endswith("/")
+            and not name.startswith("_")
+            and (start or not _RECEIPT.fullmatch(name))
+        ]
+
     def _sweep(self) -> None:
         """Removes data that no receipt names, beside one that names other data."""
         self.store.sweep(self.path)

@@ -32,6 +32,16 @@ def definition(name: str) -> dict[str, Any]:
     return tomllib.loads(there[name].read_text("utf-8"))
 
 
+def check_version(name: str, version: int, where: str) -> None:
+    """Raises RsaDataError for a version of a schema that is not known here."""
+    known = definition(name)["version"]
+    if not 1 <= version <= known:
+        raise RsaDataError(
+            f"{where}: expected version {known} of the schema {name}, or an earlier one; found "
+            f"{version}. Read it with the version of rsa-data that wrote it"
+        )
+
+
 def arrow_type(text: str) -> pa.DataType:
     """An Arrow type from its notation in schemas/: string, list<T>, T[n], binary[16], binary[*].
 

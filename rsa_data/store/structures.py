@@ -49,7 +49,8 @@ class Made(msgspec.Struct, kw_only=True, frozen=True, omit_defaults=True):
 
     ok, failed, skipped : units that came in, by how they ended. split : of the samples.
     inputs : digest of the input part, by table. fingerprint : of all that the part follows from.
-    audit : what the stage measured of its own work.
+    audit : what the stage measured of its own work. cpu : the type of the CPU, where a model's
+    arithmetic decides the last digits of the content.
     """
 
     ok: Count
@@ -59,6 +60,7 @@ class Made(msgspec.Struct, kw_only=True, frozen=True, omit_defaults=True):
     inputs: dict[str, str] = {}
     fingerprint: str = ""
     audit: dict[str, Any] | None = None
+    cpu: str = ""
 
     @property
     def units(self) -> int:

@@ -22,6 +22,7 @@ from .encoding import differences, encoded, short
 from .encoding import fingerprint as fingerprint
 from .encoding import to_json as to_json
 from .failpoints import failpoint
+from .names import check_name
 from .receipts import LOCAL, MANIFEST, TABLE, Receipts, is_table
 from .stores import open_store
 from .structures import Description as Description
@@ -53,7 +54,8 @@ class WorkDir:
         return sorted(found)
 
     def table(self, dataset: str, name: str) -> "Table":
-        """One table, whether it exists yet or not."""
+        """One table, whether it exists yet or not. Raises UsageError for impossible names."""
+        check_name("dataset", dataset)
         return Table(self, dataset, name)
 
 
@@ -63,6 +65,7 @@ class Table(Receipts):
     def __init__(self, work: WorkDir, dataset: str, name: str):
         super().__init__(work.store, f"{dataset}/{name}")
         self.dataset, self.name = dataset, name
+        self._readable = False
 
     def exists(self) -> bool:
         """Whether the table has been begun."""
@@ -110,6 +113,10 @@ class Table(Receipts):
         receipt : of the part, when the caller has it: these bytes, even if another run has
             replaced the part since. check : also hold the sha256 of the file against it.
         """
+        if not self._readable:
+            about = self.description()
+            tables.check_version(about.schema, about.schema_version, str(self))
+            self._readable = True
         wanted = receipt or self.receipt(number)
         path = f"{self.path}/{wanted.file}"
         size = self.store.size(path)

@@ -20,7 +20,7 @@ from PIL import Image
 
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.runner import fingerprints, limits, parts, plan, runs, stages, status, verify
+from rsa_data.runner import fingerprints, limits, parts, plan, recompute, runs, stages, status, verify
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir, to_json
 
@@ -133,7 +133,7 @@ def test_parts_written_by_another_parquet_library_stay(tmp_path):
     assert (summary := captions(work)).done == 2 and summary.kept == 2
     said: list[str] = []
     assert verify.verify(work, said.append) == 0, said
-    assert verify.recompute(work, 4, said.append) == 0, said
+    assert recompute.recompute(work, 4, said.append) == 0, said
     other = rooms.made(tmp_path / "other")
     captions(other)
     new = other.table("rooms", "captions/occupancy")
@@ -176,7 +176,7 @@ def test_recompute_names_what_comes_out_otherwise(tmp_path):
         other = rows.set_column(at, rows.schema.field("area"), area)
         table.commit(0, other, table.receipt(0), redo=True)
         said: list[str] = []
-        assert verify.recompute(work, 3, said.append) == problems
+        assert recompute.recompute(work, 3, said.append) == problems
         assert words in said[-1]
 
 
@@ -186,7 +186,7 @@ def test_inputs_that_are_not_those_of_the_stage_are_named(tmp_path):
     path = tmp_path / "rooms" / "captions" / "occupancy" / "_table.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "inputs": ["samples"]}))
     with pytest.raises(RsaDataError, match="expected the inputs of the stage captions, found"):
-        verify.recompute(work, 1, str)
+        recompute.recompute(work, 1, str)
 
 
 @pytest.mark.parametrize(
