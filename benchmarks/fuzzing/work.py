@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rsa_data.common.errors import RsaDataError
-from rsa_data.runner import pipeline_files, status, verify
+from rsa_data.runner import pipeline_files, recompute, status, verify
 from rsa_data.store.tables import WorkDir
 
 from .forms import (

@@ -74,6 +74,8 @@ def summary_lines(stage: str, dataset: str, summary: "Summary") -> list[str]:
         lines.append(f"  nothing to do: {_parts(summary.kept)} there already")
     if summary.stale:
         lines.append(f"  {_parts(summary.stale)} made again because their input had changed")
+    if summary.gone:
+        lines.append(f"  {_parts(summary.gone)} made again because their data was gone")
     for reason, count in summary.reasons:
         lines.append(f"  failed {count:,} times, such as: {reason}")
     if summary.failed:

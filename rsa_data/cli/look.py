@@ -9,8 +9,8 @@ from .. import registry
 from ..common import class_names, options
 from ..common.errors import RsaDataError, unknown
 from ..runner import pipeline_files
-from ..runner import status as state
 from ..runner import recompute as recomputing
+from ..runner import status as state
 from ..runner import verify as checks
 from ..store.tables import WorkDir
 from .shared import work_option

@@ -123,12 +123,14 @@ def index(
     table.bind(description)
     # Listed once: were the next number taken from a second look, a run beside this one that had
     # written a part in between would leave its samples there twice.
-    there = table.parts()
+    done, files = table.parts(), set(table.store.list(table.path))
+    gone = {receipt.part for receipt in table.receipts(done) if receipt.file not in files}
+    there = [number for number in done if number not in gone]
     old = [table.read(number, columns=["sample_id"]) for number in there]
     known = pa.concat_tables(old)["sample_id"] if old else pa.chunked_array([[]], pa.string())
     fresh = samples.filter(pc.invert(pc.is_in(samples["sample_id"], value_set=known)))
-    # The number of a part that was lost comes first: its samples are the first ones that are new.
-    end = max(there, default=-1) + 1
+    # Numbers of parts that were lost come first: their samples are the first ones that are new.
+    end = max(done, default=-1) + 1
     numbers = chain(sorted(set(range(end)) - set(there)), count(end))
     if len(fresh):
         table.forget_manifest()
@@ -139,7 +141,8 @@ def index(
             part = rows.slice(start, size)
             follows = sample_fingerprint(dataset.name, schemas.digest(part))
             made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
-            table.commit(next(numbers), part, made)
+            number = next(numbers)
+            table.commit(number, part, made, redo=number in gone)
     table.manifest(table.parts())
     return {"samples": len(known) + len(fresh), "new": len(fresh)}
 

@@ -1,5 +1,7 @@
 """The heads of a work dir, as status and verify see them."""
 
+from collections.abc import Iterator
+
 from ..common.errors import RsaDataError
 from ..datasets import index
 from ..runner.collection import Collection
@@ -39,4 +41,10 @@ def state(work: WorkDir, name: str) -> str:
     return f"out of date: trained before {', '.join(changed)} changed" if changed else ""
 
 
-HEADS = Collection(names, state)
+def check(work: WorkDir, name: str) -> Iterator[str]:
+    """Problems of a head."""
+    if (said := state(work, name)).startswith("damaged"):
+        yield said
+
+
+HEADS = Collection(names, check, state)

@@ -8,7 +8,7 @@ from typing import Any
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import is_remote
-from ..store.names import is_name
+from ..store.names import check_dataset_name, is_name
 from ..store.tables import WorkDir
 from . import jobs, limits, runs, stages
 from . import plan as planning
@@ -58,7 +58,7 @@ def samples(
     given : options of the dataset; none keeps those that it was indexed with.
     source : the first stage that will run over the samples.
     """
-    table = work.table(choice.rpartition(":")[2], "samples")
+    table = work.table(check_dataset_name(choice.rpartition(":")[2]), "samples")
     if start_over:
         table.start_over()
     if not given and table.exists():

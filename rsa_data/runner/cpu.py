@@ -7,10 +7,17 @@ from pathlib import Path
 
 # Instruction sets for which the libraries have kernels of their own, so that sums are added up in
 # another order or kept more exactly (benchmarks/cpu_types.py). Names as Linux has them.
-_KERNELS = (
-    "avx avx2 fma avx_vnni avx512f avx512_vnni avx512_bf16 amx_bf16 amx_int8".split()
-    + "asimddp i8mm bf16 sve sve2".split()
-)
+_KERNELS = [
+    "avx",
+    "avx2",
+    "fma",
+    "avx_vnni",
+    "avx512f",
+    "avx512_vnni",
+    "avx512_bf16",
+    "amx_bf16",
+    "amx_int8",
+] + ["asimddp", "i8mm", "bf16", "sve", "sve2"]
 
 
 @cache

@@ -1,6 +1,7 @@
 """What a table follows from (options, model files, input parts), hence what is done and stale."""
 
 import platform
+from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 
@@ -69,16 +70,31 @@ def part_fingerprint(description: Description, inputs: dict[str, str]) -> str:
     return fingerprint({"table": description.identifying(), "inputs": inputs})
 
 
-def pending(job: Job, description: Description, numbers: list[int]) -> tuple[list[int], list[int]]:
-    """(parts to do, those of them that were done before from an input that has changed since)."""
+@dataclass(frozen=True)
+class Pending:
+    """What is left to do of some parts.
+
+    todo : all of these. stale : those that were made from an input that has changed since.
+    gone : those whose receipt is there, but whose data is not.
+    """
+
+    todo: list[int]
+    stale: list[int]
+    gone: list[int]
+
+
+def pending(job: Job, description: Description, numbers: list[int]) -> Pending:
+    """What is left to do of the parts `numbers`."""
     output = job.table(job.output)
-    done = set(output.parts())
+    done, files = set(output.parts()), set(output.store.list(output.path))
     known = [number for number in numbers if number in done]
     inputs = [job.table(name).receipts(known) for name in job.inputs]
-    stale = []
+    stale, gone = [], []
     for receipt, *sources in zip(output.receipts(known), *inputs, strict=True):
         digests = {n: of.digest for n, of in zip(job.inputs, sources, strict=True)}
         if receipt.fingerprint != part_fingerprint(description, digests):
             stale.append(receipt.part)
-    again = set(stale)
-    return [n for n in numbers if n not in done or n in again], stale
+        elif receipt.file not in files:
+            gone.append(receipt.part)
+    again = {*stale, *gone}
+    return Pending([n for n in numbers if n not in done or n in again], stale, gone)

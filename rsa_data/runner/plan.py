@@ -52,7 +52,7 @@ def plan(
     if output.exists():
         if not fingerprints.same(output.description(), description):
             output.bind(description)  # says what differs
-        todo, _ = fingerprints.pending(job, description, numbers)
+        todo = fingerprints.pending(job, description, numbers).todo
     samples = work.table(job.dataset, "samples")
     rows = sum(samples.receipt(n).rows for n in todo)
     free = output.store.free()

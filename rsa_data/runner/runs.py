@@ -54,13 +54,13 @@ def run(
     description = fingerprints.describe(job)
     output.bind(description)
     jobs.remember(job)
-    todo, stale = fingerprints.pending(job, description, numbers)
-    tasks = [Task(number) for number in todo]
+    left = fingerprints.pending(job, description, numbers)
+    tasks = [Task(number, redo=number in left.gone) for number in left.todo]
     if redo_failed:
         done = set(output.parts())
         numbers = [number for number in numbers if number in done]
         tasks = [task for task in tasks if task.number in done]
-        again = [n for n in numbers if n not in todo and output.receipt(n).failed]
+        again = [n for n in numbers if n not in left.todo and output.receipt(n).failed]
         tasks = sorted([*tasks, *(Task(n, redo=True) for n in again)], key=lambda t: t.number)
     came = job.table(job.inputs[0]).receipts(task.number for task in tasks)
     sizes = {receipt.part: receipt.units for receipt in came}
@@ -88,7 +88,8 @@ def run(
         output=str(output),
         done=len(tasks) - len(undone),
         kept=len(numbers) - len(tasks),
-        stale=len(stale),
+        stale=len(left.stale),
+        gone=len(left.gone),
         undone=undone,
         seconds=time.monotonic() - begun,
         worked=worked,

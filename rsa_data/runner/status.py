@@ -11,6 +11,7 @@ from ..store import logs, schemas
 from ..store.tables import Table, WorkDir
 from . import stages
 from .collection import Collection
+from .cpu import mixed
 
 _ROWS = ("ok", "failed", "skipped")
 
@@ -24,14 +25,17 @@ def status(work: WorkDir) -> list[str]:
         rows: list[list[Any]] = []
         for name in work.tables(dataset):
             table = work.table(dataset, name)
-            parts, counts = table.parts(), Counter[str]()
+            parts, counts, cpus = table.parts(), Counter[str](), Counter[str]()
             for receipt in table.receipts(parts):
                 counts.update({key: getattr(receipt, key) for key in (*_ROWS, "bytes")})
+                cpus[receipt.cpu] += 1
             numbers = [f"{counts[key]:,}" for key in _ROWS]
             done = f"{len(parts)}/{total}"
             rate = logs.rate(logs.last_run(work, dataset, name))
             speed = "" if rate is None else f"{rate:,.1f}"
-            rows.append([name, done, *numbers, size(counts["bytes"]), speed, stale(work, table)])
+            rows.append(
+                [name, done, *numbers, size(counts["bytes"]), speed, _state(work, table, cpus)]
+            )
         header = ["table", "parts", "ok", "failed", "skipped", "size", "rows/s", ""]
         lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
     for folder, collection in collections():
@@ -65,6 +69,11 @@ def stale(work: WorkDir, table: Table) -> str:
         return "of another schema version: use --start-over to make it again"
     old = outdated(work, table)
     return f"{len(old)} parts out of date" if old else ""
+
+
+def _state(work: WorkDir, table: Table, cpus: Counter[str]) -> str:
+    several = "made on several types of CPU" if mixed(cpus) else ""
+    return "; ".join(filter(None, (stale(work, table), several)))
 
 
 def outdated(work: WorkDir, table: Table) -> set[int]:

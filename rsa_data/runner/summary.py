@@ -19,7 +19,8 @@ class Summary:
     """What a run did and what the table holds now.
 
     done : parts made in this run; kept : parts that were there; stale : of the parts made, those
-        made again because their input had changed; undone : parts left for a later run, with why.
+        made again because their input had changed; gone : because their data was gone; undone :
+        parts left for a later run, with why.
     rows, ok, failed, skipped, bytes : of the selected parts. seconds : of this run.
     worked : samples or texts that this run accounted for, for the rate.
     notes : what the stage has to say of its output, in sentences.
@@ -30,6 +31,7 @@ class Summary:
     done: int
     kept: int
     stale: int
+    gone: int
     undone: dict[int, str]
     rows: int
     ok: int
@@ -45,4 +47,4 @@ class Summary:
     @staticmethod
     def nothing(output: str) -> "Summary":
         """The summary where nothing was run."""
-        return Summary(output, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [])
+        return Summary(output, 0, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [])

@@ -120,7 +120,7 @@ def _check_table(
             unfounded.append(number)
         if number in old:
             found.append("its input has changed since: run the stage again")
-        if manifest is not None and merged.get(number, receipt) != receipt:
+        if manifest is not None and merged.get(number) != receipt:
             found.append("the manifest has another receipt: run the stage again")
         for text in found:
             yield f"{table} part {number}: {text}"

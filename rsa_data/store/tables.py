@@ -126,7 +126,12 @@ class Table(Receipts):
             found = "no file" if size is None else f"{size} bytes"
             raise RsaDataError(
                 f"{self}: part {number}: expected {wanted.bytes} bytes, as its receipt says; "
-                f"found {found}. Run `rsa-data verify`; delete the receipt to make it again."
+                f"found {found}. "
+                + (
+                    "Run the command of this table again to make it"
+                    if size is None
+                    else "Run `rsa-data verify`; delete the receipt to make the part again"
+                )
             )
         try:
             with self.store.open(path) as file:

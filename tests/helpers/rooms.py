@@ -1,6 +1,8 @@
 """A work dir with samples and segments made in memory, for tests of how stages run."""
 
+from rsa_data.datasets.index import sample_fingerprint
 from rsa_data.runner import jobs, stages
+from rsa_data.runner.fingerprints import part_fingerprint
 from rsa_data.runner.jobs import Job
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir
@@ -14,13 +16,19 @@ def made(location: object, parts: int = 4, rows: int = 50, first: int = 0) -> Wo
     samples, segments = (work.table("rooms", name) for name in ("samples", "segments/labels"))
     about = {"stage_version": 1, "options": {"dataset": "folder"}, "files": {}}
     samples.bind(Description(stage="index", schema="samples", **about))
-    segments.bind(Description(stage="made", schema="segments", inputs=["samples"], **about))
+    made_by = Description(stage="made", schema="segments", inputs=["samples"], **about)
+    segments.bind(made_by)
     counts = {"ok": rows, "failed": 0, "skipped": 0, "split": "train"}
     for number in range(first, first + parts):
         ids = [f"rooms/train/{number:03d}/{row:05d}" for row in range(rows)]
-        done = samples.commit(number, sample_rows(ids), Made(**counts, fingerprint=f"{number}"))
-        made_from = {"inputs": {"samples": done.digest}, "fingerprint": f"{number}"}
-        segments.commit(number, segment_rows(ids), Made(**counts, **made_from))
+        rows_ = sample_rows(ids)
+        follows = sample_fingerprint("rooms", schemas.digest(rows_))
+        done = samples.commit(number, rows_, Made(**counts, fingerprint=follows))
+        inputs = {"samples": done.digest}
+        follows = part_fingerprint(made_by, inputs)
+        segments.commit(
+            number, segment_rows(ids), Made(**counts, inputs=inputs, fingerprint=follows)
+        )
     samples.manifest(samples.parts())
     segments.manifest(samples.parts())
     return work

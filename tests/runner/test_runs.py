@@ -20,7 +20,17 @@ from PIL import Image
 
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.runner import fingerprints, limits, parts, plan, recompute, runs, stages, status, verify
+from rsa_data.runner import (
+    fingerprints,
+    limits,
+    parts,
+    plan,
+    recompute,
+    runs,
+    stages,
+    status,
+    verify,
+)
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir, to_json
 

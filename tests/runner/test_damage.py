@@ -1,0 +1,207 @@
+"""Damage to a work dir: each kind is noticed by verify, and what can be made again is."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import rooms
+
+from rsa_data.common.errors import RsaDataError
+from rsa_data.runner import runs, status, verify
+from rsa_data.store.tables import WorkDir
+
+CAPTIONS = "rooms/captions/occupancy"
+
+
+@pytest.fixture
+def work(tmp_path) -> WorkDir:
+    work = rooms.made(tmp_path, parts=3)
+    runs.run(rooms.captions_job(work), bar=rooms.NoBar)
+    assert problems(work) == []
+    return work
+
+
+def problems(work: WorkDir) -> list[str]:
+    said: list[str] = []
+    count = verify.verify(work, said.append)
+    said = [line for line in said if not line.startswith("note:")]
+    assert count == len(said) - 1, said
+    return said[:-1]
+
+
+def place(work: WorkDir) -> Path:
+    return Path(work.store.location)
+
+
+def delete(*names: str) -> Callable[[WorkDir], None]:
+    def damage(work: WorkDir) -> None:
+        for name in names:
+            for path in list(place(work).glob(name)):
+                path.unlink()
+
+    return damage
+
+
+def edit(name: str, *where: str, to: object) -> Callable[[WorkDir], None]:
+    """Sets one value of a JSON file."""
+
+    def damage(work: WorkDir) -> None:
+        path = place(work) / name
+        whole = value = json.loads(path.read_text())
+        for key in where[:-1]:
+            value = value[key]
+        value[where[-1]] = to
+        path.write_text(json.dumps(whole))
+
+    return damage
+
+
+def flip(pattern: str) -> Callable[[WorkDir], None]:
+    def damage(work: WorkDir) -> None:
+        (path,) = place(work).glob(pattern)
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.write_bytes(data)
+
+    return damage
+
+
+def copied(old: str, new: str) -> Callable[[WorkDir], None]:
+    def damage(work: WorkDir) -> None:
+        (path,) = place(work).glob(old)
+        (place(work) / new).write_bytes(path.read_bytes())
+
+    return damage
+
+
+DAMAGE = {
+    "a receipt": (delete(f"{CAPTIONS}/_part-00001.json"), "1 of 3 parts are missing: 1"),
+    "a receipt and its data": (
+        delete(f"{CAPTIONS}/_part-00001.json", f"{CAPTIONS}/part-00001-*"),
+        "the manifest lists part 1, which has no receipt",
+    ),
+    "the last part and the manifest": (
+        delete(f"{CAPTIONS}/*part-00002*", f"{CAPTIONS}/_manifest.json"),
+        "1 of 3 parts are missing: 2",
+    ),
+    "a data file": (delete(f"{CAPTIONS}/part-00001-*"), "found no such file"),
+    "a bit": (flip(f"{CAPTIONS}/part-00001-*"), "part 1: expected sha256"),
+    "the description": (delete(f"{CAPTIONS}/_table.json"), "expected _table.json"),
+    "the samples' description": (delete("rooms/samples/_table.json"), "expected _table.json"),
+    "all samples": (delete("rooms/samples/*"), "expected the samples of this dataset"),
+    "samples in the middle": (
+        delete("rooms/samples/*part-00001*"),
+        "rooms/samples: 1 of 3 parts are missing: 1",
+    ),
+    "samples, manifest and all": (
+        delete("rooms/samples/*part-00002*", "rooms/samples/_manifest.json"),
+        "part 2: expected parts of the samples only",
+    ),
+    "an option": (
+        edit(f"{CAPTIONS}/_table.json", "options", "variants", to=4),
+        "part 0, 1, 2: the fingerprint does not follow from _table.json",
+    ),
+    "a model's digest": (
+        edit(f"{CAPTIONS}/_table.json", "files", to={"model": "0" * 64}),
+        "the fingerprint does not follow",
+    ),
+    "a vocabulary": (
+        edit(f"{CAPTIONS}/_table.json", "identity", "tokenizer", to="x"),
+        "the fingerprint does not follow",
+    ),
+    "a fingerprint": (
+        edit(f"{CAPTIONS}/_part-00001.json", "fingerprint", to="0" * 64),
+        "part 1: the fingerprint does not follow",
+    ),
+    "the samples' fingerprint": (
+        edit("rooms/samples/_part-00001.json", "fingerprint", to="0" * 64),
+        "part 1: the fingerprint does not follow",
+    ),
+    "a split": (
+        edit(f"{CAPTIONS}/_part-00001.json", "split", to="test"),
+        "expected the split 'train' of its samples, found 'test'",
+    ),
+    "the samples' split": (
+        edit("rooms/samples/_part-00001.json", "split", to="test"),
+        "as its rows say; the receipt differs",
+    ),
+    "a count": (edit(f"{CAPTIONS}/_part-00001.json", "ok", to=49), "the receipt says otherwise"),
+    "an input's digest": (
+        edit(f"{CAPTIONS}/_part-00001.json", "inputs", "samples", to="0" * 64),
+        "its input has changed since",
+    ),
+    "an input": (
+        edit(f"{CAPTIONS}/_part-00001.json", "inputs", to={}),
+        "expected the inputs segments/labels, samples",
+    ),
+    "a part's number": (
+        copied(f"{CAPTIONS}/_part-00000.json", f"{CAPTIONS}/_part-00001.json"),
+        "its receipt is that of part 0",
+    ),
+    "a schema version": (
+        edit(f"{CAPTIONS}/_table.json", "schema_version", to=99),
+        "found 99. Read it with the version of rsa-data that wrote it",
+    ),
+    "an unknown schema": (
+        edit(f"{CAPTIONS}/_table.json", "schema", to="poems"),
+        "expected a schema among",
+    ),
+    "a receipt that is no JSON": (
+        lambda work: (place(work) / f"{CAPTIONS}/_part-00001.json").write_text("{"),
+        "expected JSON",
+    ),
+    "a description that is no JSON": (
+        lambda work: (place(work) / f"{CAPTIONS}/_table.json").write_text("{"),
+        "expected JSON",
+    ),
+    "the manifest": (
+        edit(f"{CAPTIONS}/_manifest.json", "parts", to=[]),
+        "the manifest has another receipt",
+    ),
+    "a file that is not of the table": (
+        copied(f"{CAPTIONS}/part-00001-*", f"{CAPTIONS}/part-00001-000000000000.parquet"),
+        "expected its parts only; found part-00001-000000000000.parquet",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_damage_is_noticed(work, kind):
+    damage, expected = DAMAGE[kind]
+    damage(work)
+    found = problems(work)
+    assert found and expected in "\n".join(found), found
+
+
+def test_a_work_dir_that_is_not_there_is_an_error(tmp_path):
+    for look in (lambda work: verify.verify(work, str), status.status):
+        with pytest.raises(RsaDataError, match="expected a work dir; found nothing there"):
+            look(WorkDir(tmp_path / "nowhere"))
+
+
+def test_data_that_is_gone_is_made_again(work):
+    table = work.table("rooms", "captions/occupancy")
+    before = {n: table.receipt(n) for n in table.parts()}
+    delete(f"{CAPTIONS}/part-00001-*")(work)
+    summary = runs.run(rooms.captions_job(work), bar=rooms.NoBar)
+    assert (summary.done, summary.gone, summary.kept) == (1, 1, 2)
+    assert problems(work) == []
+    assert {n: table.receipt(n) for n in table.parts()} == before
+
+
+def test_tables_of_a_newer_version_are_not_read(work):
+    edit("rooms/segments/labels/_table.json", "schema_version", to=99)(work)
+    with pytest.raises(RsaDataError, match="of the schema segments, or an earlier one; found 99"):
+        runs.run(rooms.captions_job(work), bar=rooms.NoBar, start_over=True)
+
+
+def test_parts_of_several_types_of_cpu_are_noted(work):
+    table = work.table("rooms", "captions/occupancy")
+    for number, cpu in enumerate(("x86_64 avx2", "x86_64 avx2", "x86_64 avx2 avx512f")):
+        edit(f"{CAPTIONS}/_part-{number:05d}.json", "cpu", to=cpu)(work)
+    table.manifest(table.parts())
+    said: list[str] = []
+    assert verify.verify(work, said.append) == 0
+    assert "2 on x86_64 avx2; 1 on x86_64 avx2 avx512f" in said[0]
+    assert "made on several types of CPU" in "\n".join(status.status(work))
