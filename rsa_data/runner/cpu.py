@@ -7,17 +7,8 @@ from pathlib import Path
 
 # Instruction sets for which the libraries have kernels of their own, so that sums are added up in
 # another order or kept more exactly (benchmarks/cpu_types.py). Names as Linux has them.
-_KERNELS = [
-    "avx",
-    "avx2",
-    "fma",
-    "avx_vnni",
-    "avx512f",
-    "avx512_vnni",
-    "avx512_bf16",
-    "amx_bf16",
-    "amx_int8",
-] + ["asimddp", "i8mm", "bf16", "sve", "sve2"]
+_X86 = ("avx", "avx2", "fma", "avx_vnni", "avx512f", "avx512_vnni", "avx512_bf16", "amx_int8")
+_ARM = ("asimddp", "i8mm", "bf16", "sve", "sve2")
 
 
 @cache
@@ -29,7 +20,7 @@ def cpu_type() -> str:
         text = ""
     lines = (line.partition(":") for line in text.split("\n"))
     flags = next((v.split() for k, _, v in lines if k.strip() in ("flags", "Features")), [])
-    return " ".join([platform.machine(), *(name for name in _KERNELS if name in flags)])
+    return " ".join([platform.machine(), *(name for name in (*_X86, *_ARM) if name in flags)])
 
 
 def mixed(types: Counter[str]) -> str:

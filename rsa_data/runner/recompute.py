@@ -28,8 +28,8 @@ Report = Callable[[str], Any]
 def recompute(work: WorkDir, count: int, report: Report, *, seed: int | None = None) -> int:
     """Makes `count` random parts of every stage's tables again and compares; returns problems.
 
-    The logical content must be equal; floats may differ by TOLERANCES, which is reported. Parts that
-    are out of date are left out. seed : of the choice; None draws another one each time.
+    The logical content must be equal; floats may differ by TOLERANCES, which is reported. Parts
+    that are out of date are left out. seed : of the choice; None draws another one each time.
     """
     problems = 0
     for dataset in work.datasets():

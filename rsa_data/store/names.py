@@ -1,4 +1,4 @@
-"""Names that become folders of a work dir: datasets, tables, heads. Checked here and nowhere else."""
+"""Names that become folders of a work dir: datasets, tables, heads. They are checked here only."""
 
 from ..common.errors import UsageError
 
