@@ -71,7 +71,9 @@ def fill_and_free(what: str, place: Path, work: WorkDir, expected: list) -> int:
                 pass
     output, _ = process.communicate()
     done = table.parts()
-    valid = verify.verify(work, lambda text: None) == 0
+    said: list[str] = []
+    verify.verify(work, said.append)
+    valid = all("parts are missing" in line for line in said[:-1])
     print(f"{what}: status {process.returncode}, {len(done)} parts committed, valid: {valid}")
     print("  " + output.strip().splitlines()[-1][:300])
     ballast.unlink()
