@@ -61,7 +61,8 @@ def build(
         ids, truncated = model.tokenize(texts)
         lengths = np.fromiter(map(len, ids), np.int32, len(ids))
         samples = captions["sample_id"] if "sample_id" in captions.column_names else text_id
-        told = _Progress(len(pc.unique(samples)), int(lengths.sum()))
+        # Rows are counted in samples; the time goes with tokens.
+        told = progress.Proportion(len(pc.unique(samples)), int(lengths.sum()))
         features = np.empty((len(texts), model.dim), np.float32)
         for rows, found in run(model.batches(ids, model.budget)):
             features[rows] = found
@@ -212,19 +213,6 @@ def _check_finite(features: np.ndarray, texts: Sequence[str]) -> None:
             f"embed: expected a finite feature that is not all zero for {text[:60]!r}; found none. "
             "Are the weights damaged?"
         )
-
-
-class _Progress:
-    """Tells progress in samples, as the frame counts, from tokens, which the time goes with."""
-
-    def __init__(self, samples: int, tokens: int):
-        self.samples, self.tokens, self.done, self.told = samples, max(1, tokens), 0, 0
-
-    def add(self, tokens: int) -> None:
-        self.done += tokens
-        now = self.samples * self.done // self.tokens
-        progress.advance(now - self.told)
-        self.told = now
 
 
 STAGE = Stage(
