@@ -110,8 +110,13 @@ def test_standard_streams_that_cannot_be_written(tmp_path, redirect, status, sai
     assert ended.stderr.startswith(said) and "Traceback" not in ended.stderr
 
 
-def test_debug_shows_the_traceback(tmp_path):
-    (tmp_path / "heads").mkdir()
-    words = [sys.executable, "-m", "rsa_data", "--debug", "status", "--work", str(tmp_path)]
-    ended = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0 and "no dataset yet" in ended.stdout
+@pytest.mark.parametrize("words", [["status"], ["--debug", "status"]])
+def test_debug_shows_the_traceback(words):
+    code = (
+        "from rsa_data.cli import look, main\nlook.status.callback = lambda **_: 1 / 0\nmain.main()"
+    )
+    process = [sys.executable, "-c", code, *words]
+    ended = subprocess.run(process, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ("Traceback" in ended.stderr) == ("--debug" in words), ended.stderr
+    assert "Error: unexpected ZeroDivisionError: division by zero" in ended.stderr
