@@ -57,10 +57,10 @@ def test_segments_are_chosen_by_their_label(tmp_path):
 @pytest.mark.parametrize(
     ("label", "reason"),
     [
-        ("../out", "expected letters, digits"),
-        ("", "expected letters, digits"),
-        (".hidden", "expected letters, digits"),
-        ("a/b", "expected letters, digits"),
+        ("../out", "expected a plain name"),
+        ("", "expected a plain name"),
+        (".hidden", "expected a plain name"),
+        ("a/b", "expected a plain name"),
         ("images", "embeddings/images holds the tables of embed-images"),
         ("proposals", "embeddings/proposals holds the tables of embed-proposals"),
     ],
