@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from rsa_data.common import class_names
+from rsa_data.common import names_files
 from rsa_data.common.errors import RowError, RsaDataError
 from rsa_data.datasets import images
 from rsa_data.datasets.depth_files import npy, png16
@@ -204,4 +204,4 @@ def test_class_table(tmp_path, data, suffix):
     path = Path(tmp_path / f"names{suffix}")
     path.write_bytes(data)
     with contextlib.suppress(RsaDataError):
-        class_names.read(path)
+        names_files.read(path)

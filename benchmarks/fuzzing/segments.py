@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from rsa_data.captions import natural
-from rsa_data.common import cards, class_names, model_files, tokenizers
+from rsa_data.common import cards, model_files, names_files, tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets.folder import folder
 from rsa_data.datasets.nyuv2 import nyuv2
@@ -118,7 +118,7 @@ def class_table(here: Path) -> One:
         for suffix in (".toml", ".txt"):
             (here / f"names{suffix}").write_bytes(data)
             try:
-                table = class_names.read(here / f"names{suffix}")
+                table = names_files.read(here / f"names{suffix}")
             except RsaDataError:
                 continue
             assert all(isinstance(table.label(n), str) for n in table.names)

@@ -60,15 +60,15 @@ def with_wrong_objects(
     more = np.repeat(np.flatnonzero(~plain), insert)
     bits = _bits(keys[more] ^ _INSERT, np.tile(np.arange(insert), int((~plain).sum())))
     area = _SMALLEST * (_LARGEST / _SMALLEST) ** _uniform(bits)
-    center = copy.center
+    within = mix(bits + np.uint64(1))
+    xy = np.stack([_uniform(within), _uniform(within << np.uint64(32))], 1)  # shares of the image
+    center, cell = copy.center, copy.cell
     if center is not None:
-        within = mix(bits + np.uint64(1))
-        if found.size is None:
-            spot = np.zeros((len(more), 2))
-        else:
-            xy = np.stack([_uniform(within), _uniform(within << np.uint64(32))], 1)
-            spot = xy * found.size[more // variants]
+        spot = np.zeros(xy.shape) if found.size is None else xy * found.size[more // variants]
         center = np.concatenate([center, spot.astype(np.float32)])
+    if cell is not None:
+        third = (3 * xy).astype(np.int8)
+        cell = np.concatenate([cell, 3 * third[:, 1] + third[:, 0]])
     image = np.concatenate([caption, more])
     order = np.argsort(image, kind="stable")
     everything = changed(
@@ -77,6 +77,7 @@ def with_wrong_objects(
         count=np.concatenate([copy.count, np.ones(len(more), np.int32)]),
         area=np.concatenate([copy.area, area]),
         center=center,
+        cell=cell,
         size=None if found.size is None else np.repeat(found.size, variants, 0),
         image=image,
     ).take(order)

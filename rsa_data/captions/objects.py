@@ -23,6 +23,7 @@ class Objects:
     count : int32 of shape (n,), instances that the object stands for: 1 unless grouped.
     area : float64 of shape (n,), share of the full image, 0 to 1; of a group the sum, at most 1.
     center : float32 of shape (n, 2), px, x y, or None when a source has none.
+    cell : int8 of shape (n,), cell of a 3 x 3 grid, 0 to 8 row by row, or None as `center`.
     size : float64 of shape (images, 2), px, width and height, or None when one is not known.
     image : int64 of shape (n,), the image's place in the block.
     first : int64 of shape (images + 1,), where each image's objects begin.
@@ -32,6 +33,7 @@ class Objects:
     count: np.ndarray
     area: np.ndarray
     center: np.ndarray | None
+    cell: np.ndarray | None
     size: np.ndarray | None
     image: np.ndarray
     first: np.ndarray
@@ -39,12 +41,14 @@ class Objects:
     def take(self, rows: np.ndarray) -> "Objects":
         """The objects of the given rows, in their order; `first` stays that of all."""
         center = None if self.center is None else self.center[rows]
+        cell = None if self.cell is None else self.cell[rows]
         return replace(
             self,
             label=self.label[rows],
             count=self.count[rows],
             area=self.area[rows],
             center=center,
+            cell=cell,
             image=self.image[rows],
         )
 
@@ -86,24 +90,29 @@ def from_segments(
         things = pc.list_flatten(segments["is_thing"]).to_numpy()
         rows = np.flatnonzero(things if which == "things" else ~things)
         label, area, image = label[rows], area[rows], image[rows]
-    center = None if group else _centers(segments, rows)
+    center = None if group else _places(segments, "center", rows, 2)
+    cell = None if group else _places(segments, "cell", rows, 1)
     count = np.ones(len(label), np.int32)
     if group:
         label, count, area, image = _grouped(label, area, image)
     order, first = largest_first(area, image, images)
     size = _sizes(segments, samples)
-    return Objects(label, count, area, center, size, image, first).take(order)
+    return Objects(label, count, area, center, cell, size, image, first).take(order)
 
 
-def _centers(segments: pa.Table, rows: np.ndarray) -> np.ndarray | None:
-    column = segments["center"]
+def _places(segments: pa.Table, name: str, rows: np.ndarray, sides: int) -> np.ndarray | None:
+    """The column `center` or `cell` of some segments; None where a row has none."""
+    if name not in segments.column_names:  # tables of schema version 1 have no cells
+        return None
+    column = segments[name]
     known = pc.or_kleene(column.is_valid(), pc.equal(pc.list_value_length(segments["label"]), 0))
     if not pc.all(known).as_py():
         return None
     flat = pc.list_flatten(column)
     flat = flat.combine_chunks() if isinstance(flat, pa.ChunkedArray) else flat
-    centers: np.ndarray = flat.flatten().to_numpy().reshape(-1, 2)[rows]  # (rows, 2)
-    return centers
+    values: np.ndarray = (flat.flatten() if sides > 1 else flat).to_numpy()
+    chosen: np.ndarray = (values.reshape(-1, sides) if sides > 1 else values)[rows]
+    return chosen
 
 
 def _sizes(segments: pa.Table, samples: pa.Table) -> np.ndarray | None:

@@ -201,7 +201,7 @@ def check(*, style: str = "occupancy", **_: Any) -> None:
 
 STAGE = Stage(
     name="captions",
-    version=1,
+    version=2,
     build=build,
     help="""Write captions of what each image shows.
 

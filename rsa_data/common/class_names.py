@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import bounded, forms
+from . import forms
 from .errors import RsaDataError, unknown
 
 _FORM = {"first?": "a class number", "count?": "a class number"}
@@ -128,19 +128,6 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
     count = spec.get("count", max(numbers, default=-1) + 1)
     plain = {n: clean(name) for n, name in numbers.items() if name}
     return ClassTable(plain, countable, count)
-
-
-def read(path: Path) -> ClassTable:
-    """A table from a file: TOML as in `parse`, or text with one name a line, counted from 0."""
-    try:
-        if path.suffix == ".toml":
-            return parse(bounded.read_toml(path), path.name)
-        text = bounded.read_text(path)
-    except (OSError, ValueError) as error:
-        raise RsaDataError(
-            f"names: expected a file of class names, one a line or TOML, at {path}; found {error}"
-        ) from error
-    return parse({"names": [line.strip() for line in text.splitlines() if line.strip()]}, path.name)
 
 
 def things(labels: Sequence[str]) -> np.ndarray:

@@ -68,6 +68,7 @@ KINDS: dict[str, Callable[[Any], bool]] = {
     "a number or nothing": lambda v: v is None or _number(v),
     "an object or nothing": lambda v: v is None or isinstance(v, dict),
     "text or nothing": lambda v: v is None or is_text(v),
+    "a list of numbers": lambda v: isinstance(v, list) and all(map(_number, v)),
     "a list of 3 numbers": lambda v: isinstance(v, list) and len(v) == 3 and all(map(_number, v)),
     "a list of 4 numbers": lambda v: isinstance(v, list) and len(v) == 4 and all(map(_number, v)),
 }

@@ -10,6 +10,8 @@ import contextlib
 import errno
 import io
 import re
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -22,7 +24,9 @@ from .roots import RemotePath
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".gif", ".tif", ".tiff"})
+_PLAIN = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".webp", ".bmp", ".gif", ".tif", ".tiff"}
+_AVIF, _HEIC = {".avif"}, {".heic", ".heif"}
+SUFFIXES = frozenset(_PLAIN | _AVIF | _HEIC)
 
 # Twice the largest single photograph in use; 300 MB once decoded.
 MAX_PIXELS = 100_000_000
@@ -34,6 +38,15 @@ _HEADER = 1 << 16
 MISSING = "no such file"
 
 _KINDS = "a JPEG, PNG, WebP, BMP, GIF or TIFF image"
+
+
+@cache
+def readable() -> frozenset[str]:
+    """The endings of images that this Python can read: AVIF and HEIC where Pillow knows them."""
+    from PIL import features
+
+    found = _PLAIN | (_AVIF if features.check("avif") else set())
+    return frozenset(found | (_HEIC if find_spec("pillow_heif") else set()))
 
 
 def read_image(path: Path, max_pixels: int = MAX_PIXELS) -> np.ndarray:
@@ -50,6 +63,7 @@ def read_image(path: Path, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     data = read_bytes(path)
     image = _open(io.BytesIO(data))
     width, height = image.size
+    orientation = _orientation(image)
     if width * height > max_pixels:
         raise RowError(
             f"image of {width} x {height} pixels: expected at most {max_pixels} pixels (max_pixels)"
@@ -61,7 +75,7 @@ def read_image(path: Path, max_pixels: int = MAX_PIXELS) -> np.ndarray:
         raise
     except Exception as error:  # Pillow's decoders raise nearly every built-in kind
         raise RowError(f"unreadable {image.format} image: {reason(error)}") from error
-    return np.ascontiguousarray(_turned(pixels, _orientation(image)))
+    return np.ascontiguousarray(turned(pixels, orientation))
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -69,22 +83,28 @@ def image_size(path: Path) -> tuple[int, int]:
 
     Raises as `read_image` does.
     """
+    width, height, _ = image_frame(path)
+    return width, height
+
+
+def image_frame(path: Path) -> tuple[int, int, int]:
+    """(width, height) as `image_size`, and the EXIF orientation that led to them, 1 to 8."""
     try:
         if isinstance(path, RemotePath):
             with contextlib.suppress(RowError):  # where the header is longer, or at the end
-                return _size(io.BytesIO(path.read_head(_HEADER)))
+                return _frame(io.BytesIO(path.read_head(_HEADER)))
         if isinstance(path, Path):
             bounded.check_file(path)
         with path.open("rb") as file:
-            return _size(file)
+            return _frame(file)
     except OSError as error:
         raise _file_error(error, path) from error
 
 
-def _size(file: BinaryIO) -> tuple[int, int]:
+def _frame(file: BinaryIO) -> tuple[int, int, int]:
     image = _open(file)
-    width, height = image.size
-    return (height, width) if _orientation(image) >= 5 else (width, height)
+    (width, height), orientation = image.size, _orientation(image)
+    return (height, width, orientation) if orientation >= 5 else (width, height, orientation)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -146,8 +166,29 @@ def _open(file: BinaryIO) -> ImageFile:
                 return kind(file)
             except Exception as error:  # see read_image
                 raise RowError(f"unreadable {kind.format} image: {reason(error)}") from error
+    if head[4:8] == b"ftyp":
+        return _open_modern(file, head[8:12])
     found = f"a file that begins with {head!r}" if head else "an empty file"
     raise RowError(f"expected {_KINDS}, found {found}")
+
+
+def _open_modern(file: BinaryIO, brand: bytes) -> ImageFile:
+    """Pillow's image of an AVIF or HEIC file, by its brand (ISO/IEC 14496-12, section 4.3)."""
+    is_avif = brand in (b"avif", b"avis")
+    name, ending = ("AVIF", ".avif") if is_avif else ("HEIC", ".heic")
+    if ending not in readable():
+        raise RowError(f"{name} image: this Pillow cannot read it; pip install pillow-heif")
+    try:
+        if is_avif:
+            from PIL.AvifImagePlugin import AvifImageFile
+
+            return AvifImageFile(file)
+        from pillow_heif import HeifImageFile
+
+        image: ImageFile = HeifImageFile(file)
+        return image
+    except Exception as error:  # see read_image
+        raise RowError(f"unreadable {name} image: {reason(error)}") from error
 
 
 def _rgb(image: ImageFile) -> np.ndarray:
@@ -164,8 +205,9 @@ def _rgb(image: ImageFile) -> np.ndarray:
 
 def _orientation(image: ImageFile) -> int:
     """EXIF orientation, 1 to 8; 1 where there is none that makes sense."""
-    # Pillow turns TIFF by itself, and would decode a whole PNG to look for EXIF behind the pixels.
-    if image.format == "TIFF" or (image.format == "PNG" and "exif" not in image.info):
+    # Pillow turns TIFF and HEIC by itself. A PNG's EXIF counts where it stands before the pixels:
+    # a header is read without them, and both must give the same size.
+    if image.format in ("TIFF", "HEIF") or (image.format == "PNG" and "exif" not in image.info):
         return 1
     try:
         value = image.getexif().get(0x0112, 1)
@@ -174,7 +216,7 @@ def _orientation(image: ImageFile) -> int:
     return value if value in range(1, 9) else 1
 
 
-def _turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
     """Pixels as displayed; orientations as in EXIF 2.32, section 4.6.4, tag 0x0112."""
     if orientation >= 5:
         pixels = pixels.transpose(1, 0, 2)

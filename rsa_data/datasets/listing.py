@@ -12,7 +12,7 @@ from ..common import bounded
 from ..common.errors import RsaDataError
 from ..common.forms import is_path
 from ..store import schemas
-from .images import SUFFIXES
+from .images import readable
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def entries(folder: Path) -> tuple[list[str], list[str]]:
 
 def is_image(name: str) -> bool:
     """Whether a file's name ends like an image's."""
-    return PurePosixPath(name).suffix.lower() in SUFFIXES
+    return PurePosixPath(name).suffix.lower() in readable()
 
 
 def stem(path: str) -> str:

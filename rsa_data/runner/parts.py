@@ -26,7 +26,16 @@ def build_step(job: Job) -> Step:
         given["dataset"] = index.load_dataset(WorkDir(job.work), job.dataset)
     if "root" in known:
         given["root"] = open_root(job.root) if job.root else None
+    if "images" in known:
+        given["images"] = _images(job)
     return options.call(build, **given, **job.options)
+
+
+def _images(job: Job) -> list[str]:
+    """Paths of all images of the dataset, of every part and split."""
+    samples = job.table("samples")
+    parts = [samples.read(number, columns=["image"])["image"] for number in samples.parts()]
+    return [image for part in parts for image in part.to_pylist() if image is not None]
 
 
 def run_part(

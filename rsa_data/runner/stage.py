@@ -20,7 +20,7 @@ Step = Callable[..., pa.Table]
 Options = dict[str, Any]
 
 # What the runner passes to a builder that has such a parameter; never an option of the user's.
-GIVEN = ("dataset", "root")
+GIVEN = ("dataset", "root", "images")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
 """Segments of Cityscapes' instance maps: gtFine/SPLIT/CITY/*_gtFine_instanceIds.png."""
 
-from collections.abc import Callable
+import contextlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -25,6 +27,7 @@ def build(
     argument: str | None,
     dataset: Dataset,
     root: Path | None,
+    images: Sequence[str] | None = None,
     masks: bool = False,
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
@@ -32,6 +35,7 @@ def build(
 
     argument : the folder gtFine; the map of .../val/city/x_leftImg8bit.png is there at
         val/city/x_gtFine_instanceIds.png.
+    images : the images of the whole dataset, so that no map belongs to two.
     """
     if not argument or not Path(argument).is_dir():
         raise RsaDataError(
@@ -40,20 +44,34 @@ def build(
         )
     folder = Path(argument)
 
-    def one(image: str | None) -> Segments:
+    whole = None if images is None else _owners(images)
+
+    def one(image: str | None, owners: Mapping[str, int]) -> Segments:
         below = map_path(image)
         try:
-            ids = maps.read_numbers(folder / below)
-            maps.check_size(ids, root, image, "instance map")
+            if owners[below] > 1:
+                raise RowError(f"expected one image of this map, found {owners[below]}")
+            ids = maps.fitted(maps.read_numbers(folder / below), root, image, "instance map")
             return segments(ids, masks)
         except RowError as error:
             raise RowError(f"{_WHERE}: {below}: {error}") from error
 
     def step(samples: pa.Table) -> pa.Table:
-        found = each(one, samples["image"].to_pylist(), readers(root))
+        names = samples["image"].to_pylist()
+        owners = _owners(names) if whole is None else whole
+        found = each(lambda image: one(image, owners), names, readers(root))
         return to_table(samples["sample_id"].to_pylist(), found)
 
     return step
+
+
+def _owners(images: Iterable[str | None]) -> Counter[str]:
+    """How many images each instance map would belong to."""
+    owners: Counter[str] = Counter()
+    for image in images:
+        with contextlib.suppress(RowError):
+            owners[map_path(image)] += 1
+    return owners
 
 
 def map_path(image: str | None) -> str:

@@ -1,31 +1,23 @@
 """Segments of COCO detection results or instance annotations: boxes, polygons or run lengths."""
 
-import json
-import re
-import threading
-import warnings
-from collections.abc import Callable, Iterable
-from pathlib import Path, PurePosixPath
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
 
-from ..common import class_names
+from ..common import class_names, names_files
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
-from ..common.extras import extras
 from ..common.prefetch import each
-from ..datasets import images
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
-from . import coco_json, masks
-from .coco_panoptic import ByFileName, categories
+from . import coco_json, coco_masks, crowds, frames, partners
 from .found import Found, to_segments
 from .segments import Segments, to_table
 
 _WHERE = "segments/coco-detections"
-_ALONE = threading.Lock()
 
 
 def build(
@@ -33,36 +25,62 @@ def build(
     argument: str | None,
     dataset: Dataset,
     root: Path | None,
+    images: Sequence[str] | None = None,
     names: str | None = None,
     score_threshold: float | None = None,
     masks: bool = False,
+    crowd: Literal["omit", "stuff"] = "omit",
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
     """coco-detections:JSON[:IMAGES]: COCO detection results or instance annotations.
 
     argument : JSON, or JSON:IMAGES where IMAGES is an annotation file with the images' names and
-        sizes. Without one, a result belongs to the image whose file name ends in its image_id.
+        sizes. Without one, an image_id is an image's stem, or the number that its stem is or ends
+        in; an image that no result names is a failed row then, as the file may not cover it.
+    images : the images of the whole dataset, so that no result belongs to two.
     names : class table of the category ids, where the files name none; COCO's own otherwise.
     """
-    results, image_list, table = _read(argument, names)
-    by_name = ByFileName(image_list, _file_names(argument)[-1].name) if image_list else None
-    by_image: dict[Any, list[dict[str, Any]]] = {}
+    results, listed, table = _read(argument, names)
+    file = _file_names(argument)[0].name
+    by_image: dict[partners.Key, list[dict[str, Any]]] = {}
     for result in results:
-        if result.get("score", 1.0) >= (score_threshold or 0.0):
-            by_image.setdefault(_key(result["image_id"]), []).append(result)
+        by_image.setdefault(partners.number_key(result["image_id"]), []).append(result)
+    records = {partners.number_key(record["id"]): record for record in listed or ()}
+    pairs = [(key, record["file_name"]) for key, record in records.items()]
 
-    def one(sample: dict[str, Any]) -> Segments:
+    def matched(known: Sequence[str]) -> dict[str, partners.Key | None]:
+        if listed is not None:
+            return partners.by_file_name(known, pairs)
+        return partners.by_number(known, by_image)
+
+    whole = None
+    if images is not None:
+        whole = matched(images)
+        partners.require_some(whole, images, f"{_WHERE}: {file}", "results or records")
+        if listed is None:
+            _all_used(by_image, whole, images, file)
+
+    def one(sample: dict[str, Any], found: dict[str, partners.Key | None]) -> Segments:
         image = sample["image"]
-        record: dict[str, Any] = by_name.find(image) if by_name else {"id": image_id(image)}
-        width, height = _size(record, sample, root)
+        what = "record" if listed is not None else "result (or a record in JSON:IMAGES)"
+        key = partners.partner(found, image, f"{_WHERE}: {file}", what)
+        record = {k: sample.get(k) for k in ("width", "height")} | records.get(key, {})
         try:
-            return segments(by_image.get(_key(record["id"]), []), width, height, table, masks)
+            frame = frames.of_image(root, image)
+            mine = by_image.get(key, [])
+            return segments(
+                mine, record, frame, table, masks, crowd=crowd, threshold=score_threshold or 0.0
+            )
         except RowError as error:
-            raise RowError(f"{_WHERE}: image {record['id']}: {error}") from error
+            raise RowError(f"{_WHERE}: image {key}: {error}") from error
 
     def step(samples: pa.Table) -> pa.Table:
         rows = samples.select(["image", "width", "height"]).to_pylist()
-        return to_table(samples["sample_id"].to_pylist(), each(one, rows, readers(root)))
+        found = whole
+        if found is None:
+            found = matched([row["image"] for row in rows if row["image"] is not None])
+        done = each(lambda row: one(row, found), rows, readers(root))
+        return to_table(samples["sample_id"].to_pylist(), done)
 
     return step
 
@@ -75,102 +93,61 @@ def files(*, argument: str | None, names: str | None = None, **_: Any) -> dict[s
 
 def segments(
     results: Iterable[dict[str, Any]],
-    width: int,
-    height: int,
+    record: dict[str, Any],
+    frame: frames.Frame | None,
     table: ClassTable,
     with_masks: bool = False,
+    *,
+    crowd: str = "omit",
+    threshold: float = 0.0,
 ) -> Segments:
     """Segments of one image, best first; shares are of the masks where there are any.
 
-    results : bbox (x, y, w, h, px) or segmentation (RLE or polygons), category_id, score.
-    Raises RowError when a result has neither, or a mask of another size than the image.
+    results : bbox (x, y, w, h, px) or segmentation (RLE or polygons), category_id, score, iscrowd.
+    record : width and height, px, where the file says them.  frame : of the image, if at hand.
+    Raises RowError when a result has neither box nor mask, or one that the image cannot have.
     """
-    ordered = sorted(results, key=lambda result: -result.get("score", 1.0))
+    given = [r for r in results if r.get("score", 1.0) >= threshold]
+    ordered = sorted(given, key=lambda result: -result.get("score", 1.0))
+    for result in ordered:
+        if len(result.get("bbox") or ()) != 4 and not result.get("segmentation"):
+            raise RowError(f"expected bbox = [x, y, w, h] or a segmentation, found {result}")
+    boxed = [r["bbox"] for r in ordered if len(r.get("bbox") or ()) == 4]
+    boxes = np.array(boxed, np.float64).reshape(-1, 4)
+    width, height, turn = frames.size_of(record, frame, boxes, not ordered)
+    frames.check_boxes(boxes, width, height)
+    ordered, labels, things = crowds.sort_out(ordered, table, crowd)
     number = np.array([result["category_id"] for result in ordered], np.int64)
     score = np.array([result.get("score", 1.0) for result in ordered], np.float32)
+    shown = (width, height) if turn < 5 else (height, width)
     if any(result.get("segmentation") for result in ordered):
-        decoded = [_mask(result, width, height) for result in ordered]
-        return to_segments(
-            Found(number, score, masks=decoded), width, height, table, with_masks=with_masks
-        )
-    if missing := [result for result in ordered if len(result.get("bbox", ())) != 4]:
-        raise RowError(f"expected bbox = [x, y, w, h] or a segmentation, found {missing[0]}")
+        decoded = [coco_masks.decode(result, width, height) for result in ordered]
+        decoded = [frames.turned(mask, turn) for mask in decoded]
+        found = Found(number, score, masks=decoded, is_thing=things, label=labels)
+        return to_segments(found, *shown, table, with_masks=with_masks)
     box = np.array([result["bbox"] for result in ordered], np.float64).reshape(-1, 4)
     box[:, 2:] += box[:, :2]
-    return to_segments(Found(number, score, box), width, height, table)
+    box = frames.turned_boxes(box, width, height, turn)
+    return to_segments(Found(number, score, box, is_thing=things, label=labels), *shown, table)
 
 
-def _mask(result: dict[str, Any], width: int, height: int) -> np.ndarray:
-    """The mask of one result, bool (height, width)."""
-    with extras("segmentations"):
-        from pycocotools import mask as coco_mask
-    given = result.get("segmentation")
-    try:
-        if isinstance(given, list) and given:
-            _check_polygons(given, height, width)
-            given = coco_mask.merge(coco_mask.frPyObjects(given, height, width))
-        elif isinstance(given, dict) and isinstance(given.get("counts"), list):
-            given = coco_mask.frPyObjects(given, *given["size"])
-        if not isinstance(given, dict):
-            raise RowError(f"expected a segmentation for every result or for none, found {given!r}")
-        if list(given["size"]) != [height, width]:
-            raise RowError(f"mask of size {given['size']}: expected the image's {[height, width]}")
-        if masks.covered(given["counts"]) != height * width:
-            # pycocotools would leave the rest as whatever memory held.
-            raise RowError(f"run lengths: expected {height * width} pixels in all, found others")
-        # What catch_warnings changes is the whole process's.
-        with _ALONE, warnings.catch_warnings():
-            # pycocotools' arrays do not know numpy 2's copy argument yet.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            mask: np.ndarray = coco_mask.decode(given).astype(bool)
-            return mask
-    except RowError:
-        raise
-    except Exception as error:  # pycocotools raises nearly every built-in kind
-        raise RowError(f"expected a segmentation as RLE or polygons: {error}") from error
-
-
-def _check_polygons(polygons: list[Any], height: int, width: int) -> None:
-    """Points far outside would take memory by their distance."""
-    points = np.concatenate([np.asarray(polygon, np.float64).ravel() for polygon in polygons])
-    most = 2 * max(height, width)
-    if not (np.abs(points) <= most).all():
-        raise RowError(f"polygon: expected points in the image, found one beyond {most} px")
-
-
-def image_id(image: str | None) -> int | str:
-    """The image_id of a file: the number its name ends in (COCO's way), else its name."""
-    if image is None:
-        raise RowError(f"{_WHERE}: no image is listed, so there is no file name to look for")
-    stem = PurePosixPath(image).stem
-    digits = re.search(r"\d+$", stem)
-    return int(digits[0]) if digits else stem
-
-
-def _key(number: Any) -> int | str:
-    text = str(number)
-    return int(text) if text.isdecimal() else text
-
-
-def _size(record: dict[str, Any], sample: dict[str, Any], root: Path | None) -> tuple[int, int]:
-    """Width and height, px, from the record, the sample, or the image's header."""
-    for known in (record, sample):
-        if known.get("width") and known.get("height"):
-            if known["width"] * known["height"] > images.MAX_PIXELS:
-                raise RowError(
-                    f"{_WHERE}: {sample['image']}: expected at most {images.MAX_PIXELS} px, found "
-                    f"{known['width']} x {known['height']}"
-                )
-            return known["width"], known["height"]
-    if root is None:
-        raise RowError(
-            f"{_WHERE}: {sample['image']}: the image's size is not known; give the dataset's root, "
-            "or coco-detections:JSON:IMAGES with a file that lists the images"
-        )
-    try:
-        return images.image_size(root / sample["image"])
-    except RowError as error:
-        raise RowError(f"{sample['image']}: {error}") from error
+def _all_used(
+    by_image: dict[partners.Key, list[dict[str, Any]]],
+    found: dict[str, partners.Key | None],
+    images: Sequence[str],
+    file: str,
+) -> None:
+    """Raises RsaDataError when results belong to no image of the dataset, by their ids alone."""
+    claimed = {key for key in found.values() if key is not None}
+    # What several images claim is a failed row of each of them.
+    if not (orphans := [key for key in by_image if key not in claimed]) or None in found.values():
+        return
+    raise RsaDataError(
+        f"{_WHERE}: {file}: expected an image_id to be the stem of one of {len(images)} images, or "
+        f"its number; found {len(orphans)} of {len(by_image)} ids that belong to none: "
+        f"{partners.some(orphans)}. Write coco-detections:JSON:IMAGES with the annotation file "
+        "that lists the images under these ids"
+    )
 
 
 def _file_names(argument: str | None) -> list[Path]:
@@ -182,17 +159,11 @@ def _file_names(argument: str | None) -> list[Path]:
 
 def _read(
     argument: str | None, names: str | None
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]], ClassTable]:
-    """Results, images (none when no file lists them) and the class table."""
-    contents = []
-    for path in _file_names(argument):
-        try:
-            contents.append(json.loads(path.read_bytes()))
-        except (OSError, ValueError, RecursionError) as error:
-            raise RsaDataError(
-                f"{_WHERE}: expected a JSON file at {path}; found: {error}"
-            ) from error
-    first, paths = contents[0], _file_names(argument)
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]] | None, ClassTable]:
+    """Results, images (None when no file lists them) and the class table."""
+    paths = _file_names(argument)
+    contents = [coco_json.load(path, _WHERE) for path in paths]
+    first = contents[0]
     results = first.get("annotations") if isinstance(first, dict) else first
     wanted = {"image_id", "category_id"}
     if not isinstance(results, list) or not all(
@@ -202,15 +173,38 @@ def _read(
             f"{_WHERE}: expected a list of results with image_id and category_id, or an object "
             f"with such a list as annotations, in {paths[0]}"
         )
-    coco_json.check(results, coco_json.RESULT, f"{_WHERE}: {paths[0].name}: results")
+    where = f"{_WHERE}: {paths[0].name}: results"
+    coco_json.check(results, coco_json.RESULT, where)
     last = contents[-1] if isinstance(contents[-1], dict) else {}
-    listed = last.get("images") or []
-    coco_json.check(listed, coco_json.IMAGE, f"{_WHERE}: {paths[-1].name}: images")
+    listed = last.get("images")
+    if listed is not None:
+        at = f"{_WHERE}: {paths[-1].name}: images"
+        coco_json.check(listed, coco_json.IMAGE, at)
+        coco_json.once([partners.number_key(record["id"]) for record in listed], f"{at}: id")
+        ids = {partners.number_key(record["id"]) for record in listed}
+        strange = {r["image_id"] for r in results if partners.number_key(r["image_id"]) not in ids}
+        if strange:
+            raise RsaDataError(
+                f"{where}: expected image ids of {paths[-1].name}, found {len(strange)} that it "
+                f"does not list: {partners.some(sorted(strange, key=str))}"
+            )
     if names is not None:
         path = Path(names)
-        table = class_names.read(path) if path.is_file() else class_names.table(names)
+        table = names_files.read(path) if path.is_file() else class_names.table(names)
     elif last.get("categories"):
-        table = categories(last, paths[-1])
+        table = coco_json.categories(last, str(paths[-1]))
     else:
         table = class_names.table("coco-panoptic")
+    coco_json.known_classes([result["category_id"] for result in results], table, where)
+    _in_pixels(results, where)
     return results, listed, table
+
+
+def _in_pixels(results: list[dict[str, Any]], where: str) -> None:
+    """Raises RsaDataError when all boxes of a file are shares of the image."""
+    boxes = [result["bbox"] for result in results if len(result.get("bbox") or ()) == 4]
+    if boxes and max(max(box) for box in boxes) <= 1:
+        raise RsaDataError(
+            f"{where}: expected boxes in px, found {len(boxes)} with no number above 1, such as "
+            f"{boxes[0]}: shares of the image, as YOLO writes them. Multiply them by its size"
+        )

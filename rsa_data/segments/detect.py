@@ -1,9 +1,9 @@
 """The detect stage: samples -> what each image shows, by a model or from existing segments."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pyarrow as pa
 
@@ -25,12 +25,14 @@ def build(
     *,
     dataset: Dataset,
     root: Path | None,
+    images: Sequence[str] | None = None,
     segments: str = DEFAULT,
     segmenter_weights: Path | None = None,
     card: Path | None = None,
     names: str | None = None,
     score_threshold: float | None = None,
     masks: bool = False,
+    crowd: Literal["omit", "stuff"] = "omit",
     features: str | None = None,
     threads: int = 2,
     batch: int = 1,
@@ -48,7 +50,10 @@ def build(
     names : class names of a label map or of detection results; a table of
         `rsa-data list class-tables`, or a file with one name a line or TOML.
     score_threshold : lowest score that is kept, instead of the model's own.
+    images : the images of the whole dataset, given by the frame.
     masks : keep each segment's mask as COCO run lengths.
+    crowd : what a region that COCO marks as a crowd becomes: nothing, or a segment of stuff such as
+        "crowd of people".
     features : output of the graph to keep one row of for each segment.
     threads : images that the model runs on at the same time in each worker, each on one core;
         what comes out does not depend on it.
@@ -64,6 +69,7 @@ def build(
         "names": names,
         "score_threshold": score_threshold,
         "masks": masks,
+        "crowd": crowd,
         "features": features,
         "threads": threads,
         "batch": batch,
@@ -79,7 +85,10 @@ def build(
                 f"segments {name}: {options.flag(option)} has no effect here: leave it out"
             )
     own = {option: value for option, value in given.items() if option in known}
-    step: Step = builder(name=name, argument=argument or None, dataset=dataset, root=root, **own)
+    where: dict[str, Any] = {"dataset": dataset, "root": root}
+    if "images" in known:
+        where["images"] = images
+    step: Step = builder(name=name, argument=argument or None, **where, **own)
     return step
 
 
@@ -133,7 +142,7 @@ def index(source: str, dataset: Dataset) -> pa.Table | None:
 
 STAGE = Stage(
     name="detect",
-    version=1,
+    version=2,
     build=build,
     help="""Detect what each image shows, or import existing segments.
 

@@ -22,6 +22,7 @@ class Found:
     query : int of shape (n,), row of each in the graph's outputs, for its features.
     candidates : how many rows the graph proposed.
     is_thing : bool of shape (n,) where the decoder decides it, else the class table does.
+    label : n labels where they are not the class table's names.
 
     One of box, index and masks is given.
     """
@@ -34,6 +35,7 @@ class Found:
     query: np.ndarray | None = None
     candidates: int | None = None
     is_thing: np.ndarray | None = None
+    label: Sequence[str] | None = None
 
 
 def to_segments(
@@ -48,7 +50,7 @@ def to_segments(
 
     width, height : px, of the image.  features : float of shape (queries, d).
     """
-    pixels, box, center = _measure(found, width, height)
+    pixels, box, center, cell = _measure(found, width, height)
     keep = np.flatnonzero(pixels > 0)
     numbers = found.number[keep]
     things = (
@@ -62,7 +64,9 @@ def to_segments(
     elif with_masks and found.masks is not None:
         encoded = masks.encode([found.masks[k] for k in keep.tolist()])
     return Segments(
-        label=[table.label(n) for n in numbers.tolist()],
+        label=[table.label(n) for n in numbers.tolist()]
+        if found.label is None
+        else [found.label[k] for k in keep.tolist()],
         area=np.minimum(pixels[keep] / (width * height), 1.0),
         score=np.clip(found.score[keep], 0, 1).astype(np.float32),
         is_thing=things,
@@ -71,20 +75,26 @@ def to_segments(
         height=height,
         center=center[keep],
         mask=encoded,
+        cell=cell[keep],
         feature=None if features is None or found.query is None else features[found.query[keep]],
     )
 
 
-def _measure(found: Found, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels (n,), box (n, 4) and centre (n, 2) of what was found, in px of the image."""
+def _measure(
+    found: Found, width: int, height: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels (n,), box (n, 4) and centre (n, 2), px, and cell (n,) of what was found."""
     count = len(found.number)
     if found.index is not None:
         return masks.regions(found.index, count)
     if found.box is not None:
         box = np.clip(found.box, 0, [width, height, width, height]).astype(np.float32)
         sides = np.maximum(box[:, 2:] - box[:, :2], 0).astype(np.float64)
-        return sides[:, 0] * sides[:, 1], box, (box[:, :2] + box[:, 2:]) / 2
+        cell = masks.cells_of_boxes(box, width, height)
+        return sides[:, 0] * sides[:, 1], box, (box[:, :2] + box[:, 2:]) / 2, cell
     pixels, box, center = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 2))
+    cell = np.zeros(count, np.int8)
     for k, mask in enumerate(found.masks or ()):
-        pixels[k : k + 1], box[k], center[k] = masks.regions(np.where(mask, 0, -1), 1)
-    return pixels, box, center
+        one = masks.regions(np.where(mask, 0, -1), 1)
+        pixels[k : k + 1], box[k], center[k], cell[k] = one[0], one[1], one[2], one[3][0]
+    return pixels, box, center, cell

@@ -1,14 +1,16 @@
 """Segments of label maps: PNG files whose pixels are class numbers."""
 
+import contextlib
 import re
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from ..common import class_names
+from ..common import class_names, names_files
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.prefetch import each
@@ -26,6 +28,7 @@ def build(
     argument: str | None,
     dataset: Dataset,
     root: Path | None,
+    images: Sequence[str] | None = None,
     names: str | None = None,
     masks: bool = False,
     **_: Any,
@@ -35,6 +38,7 @@ def build(
     argument : DIR, where the map of a/b.jpg is DIR/a/b.png, or a path with one of the fields
         {path} (a/b), {stem} (b), {number} (the digits that b ends in) or {next} (that + 1, for
         files counted from 1), such as DIR/new_nyu_class13_{next:04}.png.
+    images : the images of the whole dataset, so that no map belongs to two.
     names : what the numbers mean; see `read_table`.
     """
     if not argument:
@@ -46,23 +50,41 @@ def build(
     table = read_table(names)
     label_path("a/b1.png", template)
 
-    def one(image: str | None) -> Segments:
+    whole = None if images is None else _owners(images, template)
+
+    def one(image: str | None, owners: Mapping[Path, int]) -> Segments:
         if image is None:
             raise RowError(f"{_WHERE}: no image is listed, so there is no file name to look for")
         path = label_path(image, template)
         try:
-            numbers = maps.read_numbers(path)
-            maps.check_size(numbers, root, image, "label map")
+            if owners[path] > 1:
+                raise RowError(
+                    f"expected one image of this label map, found {owners[path]}; write a path "
+                    "that tells them apart, such as labels:DIR"
+                )
+            numbers = maps.fitted(maps.read_numbers(path), root, image, "label map")
             return segments(numbers, table, masks)
         except RowError as error:
             below = path.relative_to(folder).as_posix()
             raise RowError(f"{_WHERE}: {below}: {error}") from error
 
     def step(samples: pa.Table) -> pa.Table:
-        found = each(one, samples["image"].to_pylist(), readers(root))
+        names = samples["image"].to_pylist()
+        owners = _owners(names, template) if whole is None else whole
+        found = each(lambda image: one(image, owners), names, readers(root))
         return to_table(samples["sample_id"].to_pylist(), found)
 
     return step
+
+
+def _owners(images: Iterable[str | None], template: str) -> Counter[Path]:
+    """How many images each label map would belong to."""
+    owners: Counter[Path] = Counter()
+    for image in images:
+        with contextlib.suppress(RowError):
+            if image is not None:
+                owners[label_path(image, template)] += 1
+    return owners
 
 
 def files(*, names: str | None = None, **_: Any) -> dict[str, Path]:
@@ -80,7 +102,7 @@ def read_table(names: str | None) -> ClassTable:
             f"{_WHERE}: say by --names what the numbers mean: one of "
             f"{', '.join(class_names.known())}, or a file"
         )
-    return class_names.read(Path(names)) if Path(names).is_file() else class_names.table(names)
+    return names_files.read(Path(names)) if Path(names).is_file() else class_names.table(names)
 
 
 def label_path(image: str, template: str) -> Path:
@@ -107,7 +129,7 @@ def segments(numbers: np.ndarray, table: ClassTable, with_masks: bool = False) -
     from the next.
     """
     height, width = numbers.shape
-    there = np.flatnonzero(np.bincount(numbers.ravel()))
+    there = np.unique(numbers)
     if strange := [n for n in there.tolist() if n not in table.names and n not in (0, 255)]:
         raise RowError(f"expected class numbers of the table, found {strange[:5]}")
     named = np.array([n for n in there.tolist() if n in table.names], np.int64)

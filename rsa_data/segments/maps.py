@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from ..common.errors import RowError
-from ..datasets import images
 from ..datasets.pixel_files import read_png
+from . import frames
 
 
 def read_numbers(path: Path) -> np.ndarray:
@@ -32,16 +32,27 @@ def read_colour_ids(path: Path) -> np.ndarray:
     return ids
 
 
-def check_size(numbers: np.ndarray, root: Path | None, image: str | None, what: str) -> None:
-    """Raises RowError unless a map has the size of the image below `root`, where it is there."""
-    if root is None or image is None:
-        return
-    try:
-        width, height = images.image_size(root / image)
-    except RowError as error:
-        if str(error) == images.MISSING:
-            return
-        raise RowError(f"{image}: {error}") from error
-    if numbers.shape != (height, width):
-        found = f"{numbers.shape[1]} x {numbers.shape[0]}"
-        raise RowError(f"{what}: expected the image's size {width} x {height}, found {found}")
+def fitted(numbers: np.ndarray, root: Path | None, image: str | None, what: str) -> np.ndarray:
+    """The map as it lies on the displayed image below `root`; unchanged where that is not there.
+
+    A map of the stored pixels of an image that EXIF turns is turned as well.
+    Raises RowError unless the map has the image's displayed size, or else its stored one.
+    """
+    frame = frames.of_image(root, image)
+    height, width = numbers.shape
+    if frame is None or (frame.orientation == 1 and (width, height) == frame.stored):
+        return numbers
+    if (width, height) == (frame.width, frame.height) == frame.stored:
+        raise RowError(
+            f"{what}: the image is turned for display (EXIF orientation {frame.orientation}), and "
+            "whether the map is cannot be told. Write the image upright"
+        )
+    if (width, height) == (frame.width, frame.height):
+        return numbers
+    if (width, height) == frame.stored:
+        return frames.turned(numbers, frame.orientation)
+    transposed = ", which is transposed" if (height, width) == (frame.width, frame.height) else ""
+    raise RowError(
+        f"{what}: expected the image's size {frame.width} x {frame.height}, found {width} x "
+        f"{height}{transposed}"
+    )

@@ -8,12 +8,13 @@ import numpy as np
 from ..common.extras import extras
 
 
-def regions(index: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels, box and centre of mass of each region of an index map.
+def regions(index: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels, box, centre of mass and cell of each region of an index map.
 
     index : int of shape (height, width); region of each pixel, 0 to count - 1, or negative: none.
     Returns pixels int64 (count,), box float32 (count, 4) x1 y1 x2 y2, px, x2 and y2 exclusive,
-    and centre float32 (count, 2) x y, px. Regions without pixels have box and centre 0.
+    centre float32 (count, 2) x y, px, and cell int8 (count,), the one of a 3 x 3 grid, row by row,
+    with most of its pixels. Regions without pixels have box, centre and cell 0.
     """
     height, width = index.shape
     inside = np.where(index < 0, count, index)
@@ -25,7 +26,33 @@ def regions(index: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.n
     in_row, in_column = in_row[:, :count], in_column[:, :count]
     pixels = in_row.sum(0)
     (x1, x2, x), (y1, y2, y) = _extent(in_column, pixels), _extent(in_row, pixels)
-    return pixels, np.stack([x1, y1, x2, y2], 1), np.stack([x, y], 1)
+    nine = 3 * _third(height)[:, None] + _third(width)[None]
+    in_cell = np.bincount((inside + (count + 1) * nine).ravel(), minlength=9 * (count + 1))
+    cell = in_cell.reshape(9, -1)[:, :count].argmax(0).astype(np.int8)
+    return pixels, np.stack([x1, y1, x2, y2], 1), np.stack([x, y], 1), cell
+
+
+def _third(size: int) -> np.ndarray:
+    """In which third, 0 to 2, the centre of each of `size` pixels lies."""
+    return ((np.arange(size) + 0.5) * 3 // size).astype(np.int64)
+
+
+def cells_of_boxes(box: np.ndarray, width: int, height: int) -> np.ndarray:
+    """The cell of a 3 x 3 grid, row by row, with most of each box: int8 (n,).
+
+    box : float (n, 4) x1 y1 x2 y2, px, clipped to the image.
+    """
+    edges = np.arange(4) / 3
+    shares = []
+    for low, high, size in ((box[:, 0], box[:, 2], width), (box[:, 1], box[:, 3], height)):
+        start = np.maximum(low[:, None], edges[None, :3] * size)
+        end = np.minimum(high[:, None], edges[None, 1:] * size)
+        shares.append(np.maximum(end - start, 0))  # (n, 3)
+    across, down = shares
+    # Rounded, so that thirds which are equal stay equal.
+    area = np.round(down[:, :, None] * across[:, None], 3).reshape(len(box), 9)
+    cell: np.ndarray = area.argmax(1).astype(np.int8)
+    return cell
 
 
 def _extent(counts: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

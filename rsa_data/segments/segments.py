@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from ..common.errors import RowError
 from ..store import schemas
+from . import masks
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class Segments:
         centre of the box.
     mask : n strings, COCO's compressed RLE counts of masks of the image's size, or None.
     feature : float32 of shape (n, d), the detector's features, or None.
+    cell : int8 of shape (n,), cell of a 3 x 3 grid, 0 to 8 row by row, with most of each mask's
+        pixels; left None, it is that of the box.
     """
 
     label: Sequence[str]
@@ -37,6 +40,7 @@ class Segments:
     center: np.ndarray | None = None
     mask: Sequence[str] | None = None
     feature: np.ndarray | None = None
+    cell: np.ndarray | None = None
 
 
 def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) -> pa.Table:
@@ -60,6 +64,7 @@ def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) ->
         "box": [None if b is None else list(b) for b in boxes],
         "is_thing": [g.is_thing if g else [] for g in good],
         "center": [None if c is None else list(np.asarray(c, np.float32)) for c in centers],
+        "cell": [_cells(g) for g in good],
         "mask": [None if g is None or g.mask is None else list(g.mask) for g in good],
         "feature": [
             None
@@ -69,6 +74,18 @@ def to_table(sample_ids: Sequence[str], found: Iterable[Segments | RowError]) ->
         ],
     }
     return schemas.from_columns("segments", rows)
+
+
+def _cells(found: Segments | None) -> list[int] | None:
+    """The cell of each segment, where its source tells where it lies."""
+    if found is None or (found.cell is None and found.box is None):
+        return None
+    if found.cell is not None:
+        cells: list[int] = found.cell.tolist()
+        return cells
+    assert found.box is not None and found.width is not None and found.height is not None
+    of_boxes: list[int] = masks.cells_of_boxes(found.box, found.width, found.height).tolist()
+    return of_boxes
 
 
 def from_row(row: dict[str, Any]) -> Segments | RowError:
@@ -88,4 +105,5 @@ def from_row(row: dict[str, Any]) -> Segments | RowError:
         center=None if row["center"] is None else np.array(row["center"], np.float32),
         mask=row["mask"],
         feature=feature and np.array([np.frombuffer(f, "<f4") for f in feature]),
+        cell=None if row.get("cell") is None else np.array(row["cell"], np.int8),
     )

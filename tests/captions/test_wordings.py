@@ -171,22 +171,9 @@ def test_classes_of_one_name_are_one_group():
 
 
 @pytest.mark.parametrize("style", ["located", "grid"])
-def test_places_need_centers(style):
-    with pytest.raises(UsageError, match=rf"{style}.*no centers.*--segments"):
+def test_places_need_segments_that_tell_them(style):
+    with pytest.raises(UsageError, match=rf"{style}.*--segments"):
         plain(style, objects(("bed", 0.1)))
-
-
-def test_grid_needs_sizes():
-    table = segments({"a": objects(("bed", 0.1, (1.0, 1.0)))})
-    with pytest.raises(UsageError, match=r"grid.*sizes"):
-        build(style="grid")(table, samples(table))
-
-
-def test_sizes_may_come_from_samples():
-    table = segments({"a": objects(("bed", 0.1, (1.0, 1.0)))})
-    step = build(style="grid", variants=1)
-    text = step(table, samples(table, width=3, height=3))["text"][0].as_py()
-    assert text == "An image with a bed located in the center occupying 10.00% of the image"
 
 
 def test_intrinsics_need_a_camera():

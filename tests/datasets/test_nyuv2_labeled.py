@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rsa_data.common import class_names
+from rsa_data.common import names_files
 from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets.images import read_image
 from rsa_data.datasets.nyuv2 import CAMERA
@@ -76,7 +76,7 @@ def test_unpacked_frames_are_those_of_the_file(root):
         np.testing.assert_array_equal(label, LABELS[i])
         key = r["sample_id"].split("/", 2)[2]
         assert dataset.key_paths(r["split"], key) == (r["image"], r["depth"])
-    names = class_names.read(root / "names.toml").names
+    names = names_files.read(root / "names.toml").names
     assert names == {1: "wall", 2: "air-conditioner", 3: 'the "best" chair'}
 
 

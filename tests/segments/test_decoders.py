@@ -300,7 +300,7 @@ def test_semantic_components():
 
 def test_regions_against_a_loop():
     index = np.random.default_rng(0).integers(-1, 4, (9, 13))
-    pixels, box, center = masks.regions(index, 5)
+    pixels, box, center, _ = masks.regions(index, 5)
     for k in range(5):
         y, x = np.nonzero(index == k)
         assert pixels[k] == len(x)

@@ -80,6 +80,7 @@ def test_coco_panoptic(tmp_path):
         "box": [[3, 0, 4, 2], [1, 1, 3, 2], [0, 0, 2, 2]],
         "is_thing": [False, False, True],
         "center": [[3.5, 1], [2, 1.5], pytest.approx([2.5 / 3, 2.5 / 3])],
+        "cell": [2, 7, 0],
         "mask": None,
         "feature": None,
     }
@@ -136,10 +137,14 @@ def test_coco_panoptic_map_of_another_size_than_the_image(tmp_path):
 def test_one_record_never_stands_for_two_samples(tmp_path):
     source = write_coco(tmp_path, INFOS, IDS)
     found = run(source, ["x/a.jpg", "y/a.jpg", "y/b.jpg"])
+    several = (
+        "segments/coco-panoptic: panoptic.json: expected one record of the image {} and of no "
+        "other image; found several that fit by their names"
+    )
     assert [row["error"] for row in found] == [
-        "panoptic.json: image a.jpg would stand for several samples",
-        "panoptic.json: image a.jpg would stand for several samples",
-        "panoptic.json: expected an image y/b.jpg or b, found none",
+        several.format("x/a.jpg"),
+        several.format("y/a.jpg"),
+        "segments/coco-panoptic: panoptic.json: expected a record of the image y/b.jpg, found none",
     ]
 
 
@@ -154,13 +159,20 @@ def test_coco_panoptic_without_json(tmp_path):
 def test_real_coco_panoptic_areas_equal_the_json(shared):
     folder = shared / "panoptic_coco"
     source = f"coco-panoptic:{folder / 'panoptic_examples.json'}"
-    (found,) = run(source, ["000000142238.jpg"], root=folder)
+    (found,) = run(source, ["000000142238.jpg"], root=folder, crowd="stuff")
     assert found["error"] is None
     content = json.loads((folder / "panoptic_examples.json").read_text())
     infos = content["annotations"][0]["segments_info"]
     assert found["area"] == [info["area"] / (640 * 427) for info in infos]
     names = {c["id"]: of_coco(c["name"]) for c in content["categories"]}
-    assert found["label"] == [names[info["category_id"]] for info in infos]
+    crowds = {"person": "crowd of people", "book": "group of books"}
+    assert found["label"] == [
+        crowds[names[i["category_id"]]] if i["iscrowd"] else names[i["category_id"]] for i in infos
+    ]
+    (without,) = run(source, ["000000142238.jpg"], root=folder)
+    kept = [k for k, info in enumerate(infos) if not info["iscrowd"]]
+    assert 0 < len(kept) < len(infos)
+    assert without["area"] == [found["area"][k] for k in kept]
     # COCO's own boxes are given as x y w h.
     boxes = [[x, y, x + w, y + h] for x, y, w, h in (info["bbox"] for info in infos)]
     assert found["box"] == boxes

@@ -46,7 +46,7 @@ def write(path, content):
 
 RESULTS = [
     {"image_id": 7, "category_id": 1, "bbox": [1, 2, 3, 4], "score": 0.5},
-    {"image_id": 7, "category_id": 90, "bbox": [-5, -5, 100, 100], "score": 0.9},
+    {"image_id": 7, "category_id": 90, "bbox": [-1, -1, 12, 10], "score": 0.9},
     {"image_id": 8, "category_id": 3, "bbox": [0, 0, 5, 8], "score": 0.2},
 ]
 
@@ -55,6 +55,10 @@ def test_boxes(tmp_path):
     source = write(tmp_path / "r.json", RESULTS)
     found = run(source, ["a/000007.jpg", "a/000008.jpg", "a/000009.jpg"])
     assert [row["label"] for row in found] == [["toothbrush", "person"], ["car"], []]
+    assert found[2]["error"] == (
+        "segments/coco-detections: r.json: expected a result (or a record in JSON:IMAGES) of the "
+        "image a/000009.jpg, found none"
+    )
     assert found[0]["box"] == [[0, 0, 10, 8], [1, 2, 4, 6]]
     assert found[0]["area"] == [1.0, 12 / 80]
     assert found[0]["score"] == [pytest.approx(0.9), 0.5]
@@ -100,7 +104,7 @@ def test_masks(tmp_path, form):
             {"segmentation": {"size": [10, 8], "counts": [80]}},
             "mask of size [10, 8]: expected the image's [8, 10]",
         ),
-        ({"segmentation": "circle"}, "expected a segmentation for every result or for none"),
+        ({"segmentation": "circle"}, "expected a segmentation as polygons or RLE, found 'circle'"),
     ],
 )
 def test_bad_results_are_quarantined(tmp_path, result, reason):
@@ -112,8 +116,10 @@ def test_bad_results_are_quarantined(tmp_path, result, reason):
 
 def test_a_file_of_another_form_is_refused_whole(tmp_path):
     result = {"image_id": 7, "category_id": 1, "score": 1.0, "bbox": [1, 2, 3]}
-    with pytest.raises(RsaDataError, match=r"results\[0\].bbox: expected a list of 4 numbers"):
-        run(write(tmp_path / "r.json", [result]), ["7.png"])
+    (found,) = run(write(tmp_path / "r.json", [result]), ["7.png"])
+    assert "expected bbox = [x, y, w, h] or a segmentation, found {" in found["error"]
+    with pytest.raises(RsaDataError, match=r"results\[0\].bbox: expected a list of numbers"):
+        run(write(tmp_path / "r.json", [result | {"bbox": "1 2 3 4"}]), ["7.png"])
 
 
 def test_annotations_bring_images_sizes_and_classes(tmp_path):
@@ -129,7 +135,10 @@ def test_annotations_bring_images_sizes_and_classes(tmp_path):
         [0.5],
         [1],
     )
-    assert found[1]["error"] == "a.json: expected an image data/val/right.jpg or right, found none"
+    assert found[1]["error"] == (
+        "segments/coco-detections: a.json: expected a record of the image data/val/right.jpg, "
+        "found none"
+    )
     results = [{"image_id": "x1", "category_id": 5, "bbox": [0, 0, 5, 4], "score": 0.5}]
     source = write(tmp_path / "r.json", results) + f":{tmp_path / 'a.json'}"
     assert run(source, ["val/left.jpg"])[0]["area"] == [0.25]
@@ -140,7 +149,7 @@ def test_sizes_come_from_the_images(tmp_path):
     Image.new("RGB", (50, 40)).save(tmp_path / "7.png")
     source = write(tmp_path / "r.json", RESULTS)
     (found,) = run(source, ["7.png"], width=None, height=None, root=tmp_path)
-    assert (found["width"], found["height"], found["area"]) == (50, 40, [1.0, 12 / 2000])
+    assert (found["width"], found["height"], found["area"]) == (50, 40, [99 / 2000, 12 / 2000])
     (found,) = run(source, ["7.png"], width=None, height=None)
     assert "the image's size is not known; give the dataset's root" in found["error"]
 

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from ...common.errors import UsageError
 from ..assemble import Column
 from ..objects import Objects
 from ..words import Word
-from .wording import Wording, centers, named, percentage
+from .wording import Wording, named, percentage
 
 _CELLS = tuple(
     "top left,top,top right,left,center,right,bottom left,bottom,bottom right".split(",")  # noqa: SIM905
@@ -16,16 +14,16 @@ _CELLS = tuple(
 
 
 def _grid(objects: Objects, words: Sequence[Word], digits: int) -> list[Column]:
-    center = centers(objects, "grid")
-    if objects.size is None:
+    if objects.cell is None:
         raise UsageError(
-            "style 'grid' tells in which third of an image things are, but neither these segments "
-            "nor the samples have sizes. Use the style occupancy"
+            "style 'grid' tells in which ninth of the image most of an object lies, but these "
+            "segments do not say it (an import of classes and shares cannot; segments of an older "
+            "version can be made again). Use the style occupancy, or segments of a model or of "
+            "masks: --segments NAME"
         )
-    third = np.clip(np.floor(3 * center / objects.size[objects.image]), 0, 2).astype(np.int64)
     return [
         named(objects, words, lambda w, n: f"{w.article}{w.name} located in the "),
-        Column(_CELLS, 3 * third[:, 1] + third[:, 0]),
+        Column(_CELLS, objects.cell),
         Column((" occupying ",)),
         percentage(objects, digits),
         Column(("% of the image",)),
