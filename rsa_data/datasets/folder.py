@@ -199,7 +199,15 @@ def _listed_files(listed: Path) -> dict[str, list[str]]:
 
 def _paired(images: list[str], depths: list[str], within: float | None) -> list[str | None]:
     """The depth file of each image of a folder: of the same name, or of the nearest number."""
-    known = {stem(name): name for name in depths if name.lower().endswith(_DEPTH_SUFFIXES)}
+    known: dict[str, str] = {}
+    for name in depths:
+        if not name.lower().endswith(_DEPTH_SUFFIXES):
+            continue
+        if (other := known.setdefault(stem(name), name)) != name:
+            raise RsaDataError(
+                f"folder: expected one depth file of each image, found {other} and {name}; which "
+                "of the two kinds is meant cannot be told: move one of them to a folder of its own"
+            )
     if within is None:
         return [known.get(stem(name)) for name in images]
     frames = sorted((float(s), name) for s, name in known.items() if _NUMBER.fullmatch(s))

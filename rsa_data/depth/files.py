@@ -1,5 +1,7 @@
 """Relative depth that lies in files: one .npy or 16-bit PNG an image."""
 
+import contextlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +10,9 @@ import numpy as np
 from ..common.errors import RowError, UsageError
 from ..datasets.dataset import Dataset
 from ..datasets.depth_files import read_png16
+from ..datasets.images import image_size
 from ..datasets.pixel_files import float32, read_npy
+from ..datasets.shapes import check_aspect
 from .model import Relative, Source
 
 
@@ -18,16 +22,25 @@ def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) 
     argument : the folder; empty for the files that the dataset itself brings.
     holds : what the files hold, `relative` (y as it is) or `depth` (y is the inverse).
     """
+
+    def source(image: str, folder: Path, name: str) -> Relative:
+        found = read(folder, str(Path(name).with_suffix("")), holds)
+        size = None
+        with contextlib.suppress(RowError):  # the maps are read also where the images are not there
+            size = image_size(root / image) if root is not None else None
+        if size is not None:
+            check_aspect(found.y.shape, size, f"relative depth of {image}")
+        return replace(found, image=size)
+
     if argument:
-        folder = Path(argument)
-        return lambda image: read(folder, str(Path(image).with_suffix("")), holds)
+        return lambda image: source(image, Path(argument), image)
     of_dataset = dataset.relative
     if of_dataset is None:
         raise UsageError(
             f"depth model files: {dataset.name} brings no relative depth of its own; name the "
             "folder that holds it: --depth-model files:DIR"
         )
-    return lambda image: read(root, str(Path(of_dataset(image)).with_suffix("")), holds)
+    return lambda image: source(image, root, of_dataset(image))
 
 
 def read(folder: Path, stem: str, holds: str = "relative") -> Relative:

@@ -13,13 +13,16 @@ from ..common.options import accepts_old_names
 from ..common.prefetch import each
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
-from ..runner.stage import Stage
+from ..datasets.shapes import check_aspect
+from ..runner.stage import Notes, Stage
 from ..store import schemas
+from . import notes
 from .fits import inverse_fit, median_scale
 from .model import Relative, Source
 from .pixels import draw
 
 _FLOAT16_MAX = float(np.finfo(np.float16).max)
+_FLOAT16_MIN = float(np.finfo(np.float16).tiny)  # below it digits get lost
 
 
 @accepts_old_names("depth")
@@ -123,6 +126,8 @@ def _row(
             raise RowError(f"{sample['depth']}: {error}") from error
         relative = source(sample["image"])
         try:
+            if relative.image is not None:
+                check_aspect(depth.shape, relative.image, "ground truth")
             return row | _measure(sample["sample_id"], depth, relative, dataset, pixels, seed)
         except RowError as error:
             raise RowError(f"{sample['depth']}: {error}") from error
@@ -145,12 +150,22 @@ def _measure(
     valid = (depth > dataset.min_depth) & (depth < dataset.max_depth)
     valid &= dataset.train_mask(height, width) & ~np.isnan(y)
     if not valid.any():
+        found = depth[depth > 0]
+        there = (
+            f"it goes from {found.min():g} to {found.max():g} m" if len(found) else "it has none"
+        )
         raise RowError(
             f"no valid pixel: no ground truth between {dataset.min_depth:g} and "
-            f"{dataset.max_depth:g} m inside the mask where the relative depth is defined"
+            f"{dataset.max_depth:g} m inside the mask where the relative depth is defined; {there}"
         )
-    if np.nanmax(np.abs(y)) > _FLOAT16_MAX:
-        raise RowError(f"relative depth {np.nanmax(np.abs(y)):g} is too large for float16")
+    largest = np.nanmax(np.abs(y))
+    if largest > _FLOAT16_MAX:
+        raise RowError(f"relative depth {largest:g} is too large for float16")
+    if 0 < largest < _FLOAT16_MIN:
+        raise RowError(
+            f"relative depth of at most {largest:g} is too small for float16: multiply it by a "
+            "constant, the same for all images"
+        )
     if (depth > _FLOAT16_MAX).any():
         raise RowError(f"depth of {depth.max():g} m is too large for float16: is the unit right?")
     y_valid, depth_valid = y[valid], depth[valid]
@@ -214,4 +229,5 @@ STAGE = Stage(
     models=True,
     local=("depth_weights",),
     files=files,
+    notes=Notes(notes.COLUMNS, notes.write),
 )

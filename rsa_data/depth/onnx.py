@@ -32,7 +32,8 @@ def build(
     card = card_of("relative-depth", name)
     session = open_session(model_file(name, weights), threads)
     resize = fixed(geometry) if geometry else RESIZES[card.settings["resize"]](card.settings)
-    name_in = session.get_inputs()[0].name
+    first = session.get_inputs()[0]
+    name_in, half = first.name, first.type == "tensor(float16)"
     # Images are read side by side; the model runs on `threads` cores, as it was told.
     alone = threading.Lock()
 
@@ -44,9 +45,12 @@ def build(
         except RowError as error:
             raise RowError(f"{path}: {error}") from error
         pixels = normalise(seen, card.settings)
+        if half:
+            pixels = pixels.astype(np.float16)
         with alone:
             y = answer(session, name_in, pixels, name)
-        return Relative(inverse(y) if card.settings["output"] == "depth" else y, inside(box, part))
+        y = inverse(y) if card.settings["output"] == "depth" else y
+        return Relative(y, inside(box, part), (image.shape[1], image.shape[0]))
 
     return source
 

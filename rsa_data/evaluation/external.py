@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..common.errors import RowError, UsageError
+from ..datasets.shapes import check_aspect
 from ..depth.files import read_map
 from .inputs import Image, TestPart
 from .methods import Method, Prediction
@@ -27,6 +28,7 @@ def by_files(folder: Path, dataset: str) -> Method:
             raise RowError("no image is listed, so its prediction has no name")
         depth = read_map(below, str(Path(path).with_suffix("")), 1000)
         height, width = image.valid.shape
+        check_aspect(depth.shape, (width, height), f"prediction of {path}")
         if depth.shape != (height, width):
             depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_LINEAR)
         return Prediction(depth[image.valid].astype(np.float64))
