@@ -1,13 +1,11 @@
 """Files of class names as people and datasets write them: TOML, JSON, lists and tables in text."""
 
 import csv
-import json
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from . import class_names, text_files
+from . import bounded, class_names, text_files
 from .class_names import ClassTable
 from .errors import RsaDataError
 
@@ -28,12 +26,12 @@ def read(path: Path) -> ClassTable:
     or commas. Raises RsaDataError that names the line for text of which neither is certain.
     """
     try:
-        text = text_files.decode(path.read_bytes())
+        text = bounded.read_text(path)
         if path.suffix.lower() == ".toml":
-            return class_names.parse(tomllib.loads(text), path.name)
+            return class_names.parse(bounded.parse_toml(text), path.name)
         if path.suffix.lower() == ".json":
-            return class_names.parse(_of_json(json.loads(text)), path.name)
-    except (OSError, ValueError, RecursionError) as error:
+            return class_names.parse(_of_json(bounded.parse_json(text)), path.name)
+    except (OSError, ValueError) as error:
         raise RsaDataError(
             f"names: expected a file of class names, one a line, TOML or JSON, at {path}; "
             f"found {error}"

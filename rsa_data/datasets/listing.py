@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
 
-from ..common import bounded
+from ..common import bounded, text_files
 from ..common.errors import RsaDataError
 from ..common.forms import is_path
 from ..store import schemas
@@ -153,9 +153,16 @@ def stem(path: str) -> str:
 
 
 def lines(path: Path, name: str) -> Iterator[tuple[str, list[str]]]:
-    """(where, fields) of each line of a text file that is not blank; where is "file line N".
+    """(where, fields) of each line of a text file that is not blank; see `whole_lines`."""
+    for where, line in whole_lines(path, name):
+        yield where, line.split()
 
-    Raises RsaDataError when the file is missing, too large or not UTF-8 text.
+
+def whole_lines(path: Path, name: str) -> Iterator[tuple[str, str]]:
+    """(where, line) of each line of a text file that is not blank; where is "file line N".
+
+    Spaces and tabs at both ends are left out. Raises RsaDataError when the file is missing, too
+    large or not UTF-8 text.
     """
     try:
         text = bounded.read_text(path)
@@ -163,15 +170,15 @@ def lines(path: Path, name: str) -> Iterator[tuple[str, list[str]]]:
         raise RsaDataError(
             f"{name}: {path}: expected a text file, found: {error.strerror}; {guide(name)}"
         ) from error
-    for number, line in enumerate(text.split("\n"), 1):
-        if fields := line.split():
-            yield f"{name}: {path} line {number}", fields
+    for number, line in enumerate(text_files.lines(text), 1):
+        if line.strip():
+            yield f"{name}: {path} line {number}", line.strip(" \t")
 
 
 def paths(listed: Path, name: str) -> Iterator[tuple[str, str]]:
     """(where, path below the root) of each line of a list of paths; see `lines` and `inside`."""
-    for where, fields in lines(listed, name):
-        yield where, str(PurePosixPath(inside(" ".join(fields), where)))
+    for where, line in whole_lines(listed, name):
+        yield where, str(PurePosixPath(inside(line, where)))
 
 
 def inside(text: str, where: str) -> str:

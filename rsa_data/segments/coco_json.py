@@ -1,11 +1,10 @@
 """COCO's JSON: read and checked before anything is made of it."""
 
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from ..common import forms
+from ..common import bounded, forms
 from ..common.class_names import ClassTable, clean
 from ..common.errors import RsaDataError
 from .partners import some
@@ -22,8 +21,8 @@ RESULT |= {"bbox?": "a list of numbers"}
 def load(path: Path, where: str) -> Any:
     """The content of a JSON file; RsaDataError when it is none."""
     try:
-        return json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
+        return bounded.read_json(path)
+    except (OSError, ValueError) as error:
         raise RsaDataError(f"{where}: expected a JSON file at {path}; found: {error}") from error
 
 

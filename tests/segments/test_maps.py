@@ -235,7 +235,7 @@ def test_wrong_calls(tmp_path):
         run(f"labels:{tmp_path}", [])
     with pytest.raises(UsageError, match="Did you mean 'nyu13'"):
         run(f"labels:{tmp_path}", [], names="nyu31")
-    with pytest.raises(UsageError, match="the option features has no effect here"):
+    with pytest.raises(UsageError, match="--features has no effect here"):
         run(f"labels:{tmp_path}", [], names="nyu13", features="x")
     with pytest.raises(UsageError, match=r"expected the fields path, stem"):
         run(f"labels:{tmp_path}/{{stern}}.png", [], names="nyu13")

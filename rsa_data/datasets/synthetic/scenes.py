@@ -35,7 +35,7 @@ _SMALLEST = 0.0025
 _FEWEST, _LARGEST_STUFF, _LARGEST_THING, _NEAREST = 4, 0.85, 0.40, 0.6
 _TRIES = 20
 _BACKGROUND = frozenset(
-    ("wall", "floor", "ceiling", "playingfield", "road", "pavement", "grass", "building", "sky")
+    ("wall", "floor", "ceiling", "playing field", "road", "pavement", "grass", "building", "sky")
 )
 
 
