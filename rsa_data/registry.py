@@ -1,113 +1,143 @@
 """Every name a user can extend or choose: tables of literal NAME -> "module:attribute".
 
 Adding a dataset, segmenter, caption style, encoder, depth model or head is one file and one line
-here. The targets are strings so that an optional package loads only when it is used.
+here. The targets are strings so that an optional package loads only when it is used. Installed
+packages add names by entry points; see common/entries.py and docs/extending.md.
 """
 
 import inspect
 from importlib import import_module
 from typing import Any
 
+from .common import entries
+from .common.entries import Entries
 from .common.errors import RsaDataError, UsageError, unknown
 from .common.extras import extras
 
-DATASETS = {
-    "nyuv2": "rsa_data.datasets.nyuv2:nyuv2",
-    "kitti": "rsa_data.datasets.kitti:kitti",
-    "void": "rsa_data.datasets.void:void",
-    "7scenes": "rsa_data.datasets.seven_scenes:seven_scenes",
-    "folder": "rsa_data.datasets.folder:folder",
-    "sunrgbd": "rsa_data.datasets.sunrgbd:sunrgbd",
-    "sun3d": "rsa_data.datasets.sun3d:sun3d",
-    "ddad": "rsa_data.datasets.ddad:ddad",
-    "nyuv2-labeled": "rsa_data.datasets.nyuv2_labeled:nyuv2_labeled",
-    "synthetic-indoor": "rsa_data.datasets.synthetic.dataset:synthetic_indoor",
-    "synthetic-street": "rsa_data.datasets.synthetic.dataset:synthetic_street",
-}
+DATASETS = Entries(
+    "datasets",
+    {
+        "nyuv2": "rsa_data.datasets.nyuv2:nyuv2",
+        "kitti": "rsa_data.datasets.kitti:kitti",
+        "void": "rsa_data.datasets.void:void",
+        "7scenes": "rsa_data.datasets.seven_scenes:seven_scenes",
+        "folder": "rsa_data.datasets.folder:folder",
+        "sunrgbd": "rsa_data.datasets.sunrgbd:sunrgbd",
+        "sun3d": "rsa_data.datasets.sun3d:sun3d",
+        "ddad": "rsa_data.datasets.ddad:ddad",
+        "nyuv2-labeled": "rsa_data.datasets.nyuv2_labeled:nyuv2_labeled",
+        "synthetic-indoor": "rsa_data.datasets.synthetic.dataset:synthetic_indoor",
+        "synthetic-street": "rsa_data.datasets.synthetic.dataset:synthetic_street",
+    },
+)
 
-SEGMENTERS = {
-    "detr-resnet-50-panoptic": "rsa_data.segments.onnx:build",
-    "deeplab-edgetpu-cityscapes": "rsa_data.segments.onnx:build",
-    "deeplab-v3-voc": "rsa_data.segments.onnx:build",
-    "detr-resnet-50": "rsa_data.segments.onnx:build",
-    "dfine-small": "rsa_data.segments.onnx:build",
-    "fastestdet": "rsa_data.segments.onnx:build",
-    "maskdino": "rsa_data.segments.onnx:build",
-    "maskformer": "rsa_data.segments.onnx:build",
-    "nanodet-m": "rsa_data.segments.onnx:build",
-    "road-segmentation-adas-0001": "rsa_data.segments.onnx:build",
-    "rtdetr-r18vd": "rsa_data.segments.onnx:build",
-    "rtdetr-r50vd": "rsa_data.segments.onnx:build",
-    "yolox-nano": "rsa_data.segments.onnx:build",
-    "yolox-s": "rsa_data.segments.onnx:build",
-    "yolox-tiny": "rsa_data.segments.onnx:build",
-    "rsa-release": "rsa_data.segments.rsa_release:build",
-    "coco-panoptic": "rsa_data.segments.coco_panoptic:build",
-    "coco-detections": "rsa_data.segments.coco_detections:build",
-    "cityscapes": "rsa_data.segments.cityscapes:build",
-    "labels": "rsa_data.segments.label_maps:build",
-}
+SEGMENTERS = Entries(
+    "segmenters",
+    {
+        "detr-resnet-50-panoptic": "rsa_data.segments.onnx:build",
+        "deeplab-edgetpu-cityscapes": "rsa_data.segments.onnx:build",
+        "deeplab-v3-voc": "rsa_data.segments.onnx:build",
+        "detr-resnet-50": "rsa_data.segments.onnx:build",
+        "dfine-small": "rsa_data.segments.onnx:build",
+        "fastestdet": "rsa_data.segments.onnx:build",
+        "maskdino": "rsa_data.segments.onnx:build",
+        "maskformer": "rsa_data.segments.onnx:build",
+        "nanodet-m": "rsa_data.segments.onnx:build",
+        "road-segmentation-adas-0001": "rsa_data.segments.onnx:build",
+        "rtdetr-r18vd": "rsa_data.segments.onnx:build",
+        "rtdetr-r50vd": "rsa_data.segments.onnx:build",
+        "yolox-nano": "rsa_data.segments.onnx:build",
+        "yolox-s": "rsa_data.segments.onnx:build",
+        "yolox-tiny": "rsa_data.segments.onnx:build",
+        "rsa-release": "rsa_data.segments.rsa_release:build",
+        "coco-panoptic": "rsa_data.segments.coco_panoptic:build",
+        "coco-detections": "rsa_data.segments.coco_detections:build",
+        "cityscapes": "rsa_data.segments.cityscapes:build",
+        "labels": "rsa_data.segments.label_maps:build",
+    },
+)
 
-DECODERS = {
-    "yolox": "rsa_data.segments.boxes:yolox",
-    "fastestdet": "rsa_data.segments.boxes:fastestdet",
-    "nanodet": "rsa_data.segments.boxes:nanodet",
-    "detr": "rsa_data.segments.queries:detr",
-    "panoptic-queries": "rsa_data.segments.queries:panoptic",
-    "nms-rows": "rsa_data.segments.suppressed:rows",
-    "instances": "rsa_data.segments.suppressed:instances",
-    "semantic": "rsa_data.segments.semantic:semantic",
-}
+DECODERS = Entries(
+    "decoders",
+    {
+        "yolox": "rsa_data.segments.boxes:yolox",
+        "fastestdet": "rsa_data.segments.boxes:fastestdet",
+        "nanodet": "rsa_data.segments.boxes:nanodet",
+        "detr": "rsa_data.segments.queries:detr",
+        "panoptic-queries": "rsa_data.segments.queries:panoptic",
+        "nms-rows": "rsa_data.segments.suppressed:rows",
+        "instances": "rsa_data.segments.suppressed:instances",
+        "semantic": "rsa_data.segments.semantic:semantic",
+    },
+)
 
-STYLES = {
-    "classes": "rsa_data.captions.wordings.classes:classes",
-    "counts": "rsa_data.captions.wordings.counts:counts",
-    "occupancy": "rsa_data.captions.wordings.occupancy:occupancy",
-    "occupied": "rsa_data.captions.wordings.occupied:occupied",
-    "located": "rsa_data.captions.wordings.located:located",
-    "grid": "rsa_data.captions.wordings.grid:grid",
-    "intrinsics": "rsa_data.captions.wordings.intrinsics:intrinsics",
-    "release": "rsa_data.captions.wordings.release:release",
-    "release-text": "rsa_data.captions.natural:release_text",
-    "import": "rsa_data.captions.natural:import_texts",
-    "vlm": "rsa_data.captions.vlm:vlm",
-}
+STYLES = Entries(
+    "styles",
+    {
+        "classes": "rsa_data.captions.wordings.classes:classes",
+        "counts": "rsa_data.captions.wordings.counts:counts",
+        "occupancy": "rsa_data.captions.wordings.occupancy:occupancy",
+        "occupied": "rsa_data.captions.wordings.occupied:occupied",
+        "located": "rsa_data.captions.wordings.located:located",
+        "grid": "rsa_data.captions.wordings.grid:grid",
+        "intrinsics": "rsa_data.captions.wordings.intrinsics:intrinsics",
+        "release": "rsa_data.captions.wordings.release:release",
+        "release-text": "rsa_data.captions.natural:release_text",
+        "import": "rsa_data.captions.natural:import_texts",
+        "vlm": "rsa_data.captions.vlm:vlm",
+    },
+)
 
-TOKENIZERS = {
-    "clip": "rsa_data.common.tokenizers:clip",
-    "minilm": "rsa_data.common.tokenizers:minilm",
-    "hf": "rsa_data.common.tokenizers:hf",
-}
+TOKENIZERS = Entries(
+    "tokenizers",
+    {
+        "clip": "rsa_data.common.tokenizers:clip",
+        "minilm": "rsa_data.common.tokenizers:minilm",
+        "hf": "rsa_data.common.tokenizers:hf",
+    },
+)
 
-ENCODERS = {
-    "minilm": "rsa_data.embeddings.sentence:MINILM",
-    "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50",
-    "hf": "rsa_data.embeddings.huggingface:HF",
-}
+ENCODERS = Entries(
+    "encoders",
+    {
+        "minilm": "rsa_data.embeddings.sentence:MINILM",
+        "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50",
+        "hf": "rsa_data.embeddings.huggingface:HF",
+    },
+)
 
-IMAGE_ENCODERS = {
-    "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50_IMAGE",
-    "hf": "rsa_data.embeddings.huggingface_image:HF_IMAGE",
-    "thumbnail": "rsa_data.embeddings.thumbnail:THUMBNAIL",
-}
+IMAGE_ENCODERS = Entries(
+    "image_encoders",
+    {
+        "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50_IMAGE",
+        "hf": "rsa_data.embeddings.huggingface_image:HF_IMAGE",
+        "thumbnail": "rsa_data.embeddings.thumbnail:THUMBNAIL",
+    },
+)
 
-DEPTH_MODELS = {
-    "files": "rsa_data.depth.files:build",
-    "tu2020": "rsa_data.depth.onnx:build",
-    "depth-anything-v2-small": "rsa_data.depth.onnx:build",
-    "depth-anything-small": "rsa_data.depth.onnx:build",
-    "dpt-hybrid-midas": "rsa_data.depth.onnx:build",
-    "midas-v21-small": "rsa_data.depth.onnx:build",
-}
+DEPTH_MODELS = Entries(
+    "depth_models",
+    {
+        "files": "rsa_data.depth.files:build",
+        "tu2020": "rsa_data.depth.onnx:build",
+        "depth-anything-v2-small": "rsa_data.depth.onnx:build",
+        "depth-anything-small": "rsa_data.depth.onnx:build",
+        "dpt-hybrid-midas": "rsa_data.depth.onnx:build",
+        "midas-v21-small": "rsa_data.depth.onnx:build",
+    },
+)
 
-HEADS = {
-    "mlp5": "rsa_data.heads.architectures.mlp5:Mlp5",
-    "mlp3": "rsa_data.heads.architectures.mlp3:Mlp3",
-    "transformer": "rsa_data.heads.architectures.transformer:Transformer",
-    "linear": "rsa_data.heads.architectures.linear:Linear",
-    "fusion": "rsa_data.heads.architectures.fusion:Fusion",
-    "proposals": "rsa_data.heads.architectures.proposals:Proposals",
-}
+HEADS = Entries(
+    "heads",
+    {
+        "mlp5": "rsa_data.heads.architectures.mlp5:Mlp5",
+        "mlp3": "rsa_data.heads.architectures.mlp3:Mlp3",
+        "transformer": "rsa_data.heads.architectures.transformer:Transformer",
+        "linear": "rsa_data.heads.architectures.linear:Linear",
+        "fusion": "rsa_data.heads.architectures.fusion:Fusion",
+        "proposals": "rsa_data.heads.architectures.proposals:Proposals",
+    },
+)
 
 # Row stages, in the order data flows; see runner/stage.py.
 STAGES = {
@@ -134,13 +164,16 @@ ENGINES = {
 }
 
 # Where work dirs and roots may lie, by the scheme of the address; folders need none.
-STORES = {
-    "s3": "rsa_data.store.objects:ObjectStore",
-    "gs": "rsa_data.store.objects:ObjectStore",
-    "az": "rsa_data.store.objects:ObjectStore",
-    "https": "rsa_data.store.http:HttpFiles",
-    "http": "rsa_data.store.http:HttpFiles",
-}
+STORES = Entries(
+    "stores",
+    {
+        "s3": "rsa_data.store.objects:ObjectStore",
+        "gs": "rsa_data.store.objects:ObjectStore",
+        "az": "rsa_data.store.objects:ObjectStore",
+        "https": "rsa_data.store.http:HttpFiles",
+        "http": "rsa_data.store.http:HttpFiles",
+    },
+)
 
 # What a work dir holds beside datasets: FOLDER -> how to list and check it.
 COLLECTIONS = {
@@ -154,11 +187,18 @@ def resolve(kind: str, table: dict[str, str], name: str) -> Any:
     Raises UsageError when the name is unknown (with the choices and the nearest one), and
     RsaDataError with the pip line when a package that it needs is not installed.
     """
-    if name not in table:
-        raise unknown(kind, name, table)
+    check(kind, table, name)
+    if isinstance(table, Entries) and not table.is_own(name):
+        return entries.load(kind, name, table[name])
     module, attribute = table[name].split(":")
     with extras(f"{kind} {name!r}"):
         return getattr(import_module(module), attribute)
+
+
+def check(kind: str, table: dict[str, str], name: str) -> None:
+    """Raises UsageError for a name that is not in the table, with the choices and the nearest."""
+    if name not in table:
+        raise entries.not_allowed(kind, name) or unknown(kind, name, table)
 
 
 def build(kind: str, table: dict[str, str], choice: str) -> Any:
@@ -167,6 +207,9 @@ def build(kind: str, table: dict[str, str], choice: str) -> Any:
     Raises UsageError when the argument is missing or not wanted, and as `resolve` does.
     """
     name, colon, argument = choice.partition(":")
+    if isinstance(table, Entries):
+        name, argument = table.split(choice)
+        colon = ":" if len(choice) > len(name) else ""
     make = resolve(kind, table, name)
     takes = bool(inspect.signature(make).parameters)
     if takes != bool(colon):
@@ -176,8 +219,16 @@ def build(kind: str, table: dict[str, str], choice: str) -> Any:
 
 
 def described(table: dict[str, str]) -> list[tuple[str, str]]:
-    """(name, what its model card says or the first line of its documentation) of every entry."""
-    return [(name, _first_line(name, table)) for name in sorted(table)]
+    """(name, what its model card says or the first line of its documentation) of every entry.
+
+    Entries of installed packages name their package; a broken one shows its error.
+    """
+    installed = table.installed() if isinstance(table, Entries) else {}
+    found = []
+    for name in sorted(table):
+        of = f" ({installed[name].package} {installed[name].version})" if name in installed else ""
+        found.append((name, _first_line(name, table) + of))
+    return found
 
 
 def _first_line(name: str, table: dict[str, str]) -> str:

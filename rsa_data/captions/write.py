@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 
 from .. import registry
-from ..common.errors import UsageError, unknown
+from ..common.errors import UsageError
 from ..runner.stage import Notes, Reads, Stage
 from . import natural, summary, vlm
 from .augment import Domain
@@ -183,7 +183,8 @@ def needs_segments(style: str) -> bool:
 
 
 def _resolve(style: str) -> tuple[Wording | vlm.Style | natural.Importer, str]:
-    name, colon, argument = style.partition(":")
+    name, argument = registry.STYLES.split(style)
+    colon = ":" if len(style) > len(name) else ""
     target = registry.resolve("style", registry.STYLES, name)
     if isinstance(target, vlm.Style):
         return target, argument
@@ -195,8 +196,7 @@ def _resolve(style: str) -> tuple[Wording | vlm.Style | natural.Importer, str]:
 
 def check(*, style: str = "occupancy", **_: Any) -> None:
     """Refuses a style that is not in the registry."""
-    if (name := style.partition(":")[0]) not in registry.STYLES:
-        raise unknown("style", name, registry.STYLES)
+    registry.check("style", registry.STYLES, registry.STYLES.split(style)[0])
 
 
 STAGE = Stage(
@@ -215,6 +215,7 @@ STAGE = Stage(
     schema="captions",
     folder="captions",
     selector="style",
+    choices=registry.STYLES,
     reads=Reads(
         "segments",
         "segments",

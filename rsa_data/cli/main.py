@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from .. import registry
+from ..common import entries
 from ..common.errors import unknown
 from ..common.options import RenamedOption
 from . import console, process
@@ -90,6 +91,7 @@ class Group(click.Group):
         return load(name) if name in names() else None
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        entries.allow(args)
         if args and args[0] not in names() and not args[0].startswith("-"):
             raise click.UsageError(str(unknown("command", args[0], names())))
         name, command, rest = super().resolve_command(ctx, args)

@@ -25,8 +25,9 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
 
     Returns it with what the samples table keeps, from which `load_dataset` opens it again.
     """
-    builder, _, name = choice.partition(":")
-    check_dataset_name(name or builder)
+    builder, name = registry.DATASETS.split(choice)
+    name = name or builder.rpartition(":")[2]
+    check_dataset_name(name)
     build = registry.resolve("dataset", registry.DATASETS, builder)
     known = option_binding.parameters(_part_sizes)
     sizes = {k: v for k, v in given.items() if k.replace("-", "_") in known}
@@ -39,7 +40,11 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     plain = {
         k: v if isinstance(v, (int, float, bool, type(None))) else str(v) for k, v in bound.items()
     }
-    return replace(build(**bound), name=name or builder), {"dataset": builder, **plain, **sizes}
+    return replace(build(**bound), name=name or builder.rpartition(":")[2]), {
+        "dataset": builder,
+        **plain,
+        **sizes,
+    }
 
 
 def _part_sizes(*, part_size: int = 2000, test_part_size: int = 100) -> None:
@@ -113,7 +118,10 @@ def index(
     samples = _named(samples, dataset.name)
     table = work.table(dataset.name, "samples")
     sizes = {"part_size": part_size, "test_part_size": test_part_size}
+    builder = str(kept.get("dataset", ""))
+    source = registry.DATASETS.source(builder) if builder in registry.DATASETS else None
     description = Description(
+        **({"identity": source} if source else {}),
         stage="index",
         stage_version=1,
         schema="samples",

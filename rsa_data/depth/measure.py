@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from .. import registry
-from ..common.errors import RowError, UsageError, unknown
+from ..common.errors import RowError, UsageError
 from ..common.options import accepts_old_names
 from ..common.prefetch import each
 from ..datasets.dataset import Dataset
@@ -55,7 +55,7 @@ def build(
     seed : another seed draws other pixels.
     threads : CPU threads of the model in each worker.
     """
-    name, _, argument = depth_model.partition(":")
+    name, argument = registry.DEPTH_MODELS.split(depth_model)
     if not 1 <= pixels <= 2**20:
         raise UsageError(f"depth: pixels: expected 1 to 1,048,576, found {pixels}")
     source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, name)(
@@ -90,9 +90,11 @@ def files(
 
     Raises UsageError for options that do not go together, before anything is begun.
     """
-    name, _colon, argument = depth_model.partition(":")
-    if name not in registry.DEPTH_MODELS:
-        raise unknown("depth model", name, registry.DEPTH_MODELS)
+    name, argument = registry.DEPTH_MODELS.split(depth_model)
+    registry.check("depth model", registry.DEPTH_MODELS, name)
+    if not registry.DEPTH_MODELS.is_own(name):
+        registry.resolve("depth model", registry.DEPTH_MODELS, name)
+        return {} if depth_weights is None else {"model": depth_weights}
     if name == "files":
         if argument and not Path(argument).is_dir():
             raise UsageError(f"depth model {depth_model}: there is no such folder")
@@ -227,6 +229,7 @@ STAGE = Stage(
     folder="depth",
     selector="depth_model",
     models=True,
+    choices=registry.DEPTH_MODELS,
     local=("depth_weights",),
     files=files,
     notes=Notes(notes.COLUMNS, notes.write),

@@ -93,7 +93,7 @@ def files(*, encoder: str, encoder_weights: Path | None = None, **_: object) -> 
     """The files whose bytes decide the features, by name; may download them."""
     if encoder_weights is not None and not encoder_weights.exists():
         raise UsageError(f"--encoder-weights: there is no file or folder at {encoder_weights}")
-    return _encoder(encoder).files(encoder.partition(":")[2] or None, encoder_weights)
+    return _encoder(encoder).files(registry.ENCODERS.split(encoder)[1] or None, encoder_weights)
 
 
 def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[str]:
@@ -165,7 +165,7 @@ def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
 
 
 def _encoder(encoder: str) -> Encoder[TextModel]:
-    name = encoder.partition(":")[0]
+    name = registry.ENCODERS.split(encoder)[0]
     # Tables and heads keep what `hf:DIR` was as `hf-NAME`; where it lies comes with `weights`.
     found: Encoder[TextModel] = registry.resolve(
         "encoder", registry.ENCODERS, "hf" if name.startswith("hf-") else name
@@ -232,6 +232,7 @@ STAGE = Stage(
     schema="embeddings",
     folder="embeddings/{label}",
     selector="encoder",
+    choices=registry.ENCODERS,
     reads=Reads("captions", "style", with_samples=False),
     unit="text_id",
     noun="texts",

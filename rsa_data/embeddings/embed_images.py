@@ -96,11 +96,12 @@ def files(
     """The files whose bytes decide the features, by name; may download them."""
     if encoder_weights is not None and not encoder_weights.exists():
         raise UsageError(f"--encoder-weights: there is no file or folder at {encoder_weights}")
-    return _encoder(encoder).files(encoder.partition(":")[2] or None, encoder_weights)
+    argument = registry.IMAGE_ENCODERS.split(encoder)[1]
+    return _encoder(encoder).files(argument or None, encoder_weights)
 
 
 def _encoder(encoder: str) -> Encoder[ImageModel]:
-    name = encoder.partition(":")[0]
+    name = registry.IMAGE_ENCODERS.split(encoder)[0]
     found: Encoder[ImageModel] = registry.resolve("image encoder", registry.IMAGE_ENCODERS, name)
     return found
 
@@ -158,6 +159,7 @@ STAGE = Stage(
     folder="embeddings/images",
     selector="encoder",
     models=True,
+    choices=registry.IMAGE_ENCODERS,
     local=("encoder_weights",),
     files=files,
 )

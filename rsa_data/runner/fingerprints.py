@@ -23,9 +23,14 @@ def describe(job: Job) -> Description:
     files = stage.files(**job.options)
     kept = {k: plain(v) for k, v in job.options.items() if k not in stage.local}
     if stage.selector is not None:
-        kept[stage.selector] = label_of(str(kept[stage.selector]))
+        kept[stage.selector] = label_of(str(kept[stage.selector]), stage.choices)
     options = stored(stage.build, kept)
     identity = stage.identity(**job.options)
+    if stage.selector is not None and stage.choices is not None:
+        name = stage.choices.split(str(job.options[stage.selector]))[0]
+        # Names that are in no table have a card of the user's, which is among the files.
+        if name in stage.choices and (source := stage.choices.source(name)) is not None:
+            identity = {**identity, **source}
     known = {"identity": identity} if identity else {}
     return Description(
         **known,

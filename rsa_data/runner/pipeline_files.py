@@ -17,14 +17,15 @@ name = "nyu"
 [evaluate]                           # several as [[train-head]] and [[evaluate]]
 """
 
+import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import registry
-from ..common import bounded, options, typed
+from ..common import bounded, entries, options, typed
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import open_root
@@ -85,6 +86,9 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
         raw = bounded.read_toml(file)
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: not a TOML file: {error}") from error
+    entries.allow([*_words(raw), *map(str, (changes or {}).values())])
+    if path.is_file() and (folder := str(path.parent.resolve())) not in sys.path:
+        sys.path.append(folder)  # modules beside the file may be named in it
     _rename(raw)
     for where, value in (changes or {}).items():
         _change(raw, _renamed(where.split(".")), value, f"{path}: {where}")
@@ -92,6 +96,15 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
         return _parsed(raw, str(path))
     except RsaDataError as error:
         raise UsageError(str(error)) from error
+
+
+def _words(value: Any) -> Iterator[str]:
+    """Every text in the tables of a pipeline file."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _words(inner)
 
 
 def _takes(name: str) -> Callable[..., Any] | None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from ..common.entries import Entries
 from ..datasets.dataset import Dataset
 
 Step = Callable[..., pa.Table]
@@ -81,6 +82,7 @@ class Stage:
         that is read.
     selector : the option whose value, `NAME` or `NAME:ARGUMENT`, is the default label. None: the
         label of the table that is read.
+    choices : the names that the selector takes.
     reads : the table that is read besides samples, if there is one.
     unit : column whose distinct values a receipt counts; noun : what people call them.
     models : whether a model's arithmetic decides the content, so that it may differ in its last
@@ -101,6 +103,7 @@ class Stage:
     schema: str
     folder: str
     selector: str | None
+    choices: Entries | None = None
     reads: Reads | None = None
     unit: str = "sample_id"
     noun: str = "samples"

@@ -8,6 +8,7 @@ from typing import Any
 
 from .. import registry
 from ..common import options as binding
+from ..common.entries import Entries
 from ..common.errors import UsageError
 from ..store.names import check_name
 from .stage import GIVEN, Options, Stage
@@ -61,7 +62,7 @@ class ConfiguredStage:
         if self.stage.selector is None:
             assert read is not None
             return read
-        return label_of(str(self.options[self.stage.selector]))
+        return label_of(str(self.options[self.stage.selector]), self.stage.choices)
 
 
 def bind(name: str, given: Mapping[str, Any]) -> ConfiguredStage:
@@ -82,13 +83,21 @@ def bind(name: str, given: Mapping[str, Any]) -> ConfiguredStage:
     return ConfiguredStage(what, binding.bind(_without_given(what.build), own, name), label)
 
 
-def label_of(choice: str) -> str:
+def label_of(choice: str, choices: Entries | None = None) -> str:
     """`rsa-release` of `rsa-release:DIR`: the part of a choice that says what, not where.
+
+    choices : the table of names that it comes from; `module:attribute` becomes module-attribute.
 
     The argument of `hf:NAME` and `files:DIR` (depth of some model) is what was chosen, so its last
     component stays, as `hf-NAME`.
     """
-    name, _, argument = choice.partition(":")
+    name, argument = choice, ""
+    if choices is not None:
+        name, argument = choices.split(choice)
+    else:
+        name, _, argument = choice.partition(":")
+    if ":" in name:
+        return name.replace(":", "-")
     return f"{name}-{Path(argument).name}" if argument and name in ("hf", "files") else name
 
 

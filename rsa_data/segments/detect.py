@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from .. import registry
 from ..common import options
-from ..common.errors import UsageError, unknown
+from ..common.errors import UsageError
 from ..common.onnx_sessions import Device
 from ..datasets.dataset import Dataset
 from ..datasets.images import MAX_PIXELS
@@ -61,7 +61,7 @@ def build(
     device : where the model runs; auto takes CUDA where onnxruntime has it.
     max_pixels : images with more pixels are refused, unread.
     """
-    name, _, argument = segments.partition(":")
+    name, argument = registry.SEGMENTERS.split(segments)
     _check_name(name, card)
     given = {
         "segmenter_weights": segmenter_weights,
@@ -103,9 +103,12 @@ def files(
 
     May download the model. Raises RsaDataError, with the way out, when it cannot be had.
     """
-    name, _, argument = segments.partition(":")
+    name, argument = registry.SEGMENTERS.split(segments)
     _check_name(name, card)
-    target = registry.SEGMENTERS.get(_entry(name, card), "")
+    entry = _entry(name, card)
+    target = registry.SEGMENTERS.get(entry, "")
+    if target and not registry.SEGMENTERS.is_own(entry):
+        registry.resolve("segmenter", registry.SEGMENTERS, entry)  # explains what fails
     finder = getattr(import_module(target.partition(":")[0]), "files", None) if target else None
     if finder is None:
         return {}
@@ -127,9 +130,8 @@ def _entry(name: str, card: Path | None) -> str:
 
 def check(*, segments: str = DEFAULT, card: Path | None = None, **_: Any) -> None:
     """Refuses a segmenter that is not in the registry, unless a card describes it."""
-    name = segments.partition(":")[0]
-    if _entry(name, card) not in registry.SEGMENTERS:
-        raise unknown("segmenter", name, registry.SEGMENTERS)
+    name = registry.SEGMENTERS.split(segments)[0]
+    registry.check("segmenter", registry.SEGMENTERS, _entry(name, card))
 
 
 def index(source: str, dataset: Dataset) -> pa.Table | None:
@@ -154,6 +156,7 @@ STAGE = Stage(
     folder="segments",
     selector="segments",
     models=True,
+    choices=registry.SEGMENTERS,
     local=("segmenter_weights", "card", "threads"),
     files=files,
     check=check,

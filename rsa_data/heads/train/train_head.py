@@ -133,8 +133,7 @@ def train_head(
         options["precision"] = _precision()
     if not 0 < validation <= 0.5:
         raise UsageError(f"--validation: expected more than 0, at most 0.5; found {validation}")
-    if head not in registry.HEADS:
-        raise unknown("head", head, registry.HEADS)
+    registry.check("head", registry.HEADS, head)
 
     sources = belong.sources(work, datasets, style, encoder, depth_model)
     features = belong.same(
