@@ -80,7 +80,7 @@ class Entries(dict[str, str]):
         name, _, argument = choice.partition(":")
         if not self.is_own(name) and name not in self.installed():
             attribute, _, rest = argument.partition(":")
-            if _REFERENCE.fullmatch(f"{name}:{attribute}"):
+            if _REFERENCE.fullmatch(f"{name}:{attribute}") and _is_there(name):
                 return f"{name}:{attribute}", rest
         return name, argument
 
@@ -154,6 +154,15 @@ def _installed(group: str) -> dict[str, Installed]:
         version = entry.dist.version if entry.dist else "unknown"
         found.setdefault(entry.name, Installed(entry.value, package, version))
     return found
+
+
+def _is_there(module: str) -> bool:
+    """Whether Python would find a module, or the package that it is in, without importing it."""
+    top = module.partition(".")[0]
+    try:
+        return util.find_spec(top) is not None
+    except (ImportError, ValueError):
+        return False
 
 
 def _module_sha256(module: str) -> str:

@@ -7,6 +7,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -40,7 +41,7 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     plain = {
         k: v if isinstance(v, (int, float, bool, type(None))) else str(v) for k, v in bound.items()
     }
-    return replace(build(**bound), name=name or builder.rpartition(":")[2]), {
+    return replace(build(**bound), name=name), {
         "dataset": builder,
         **plain,
         **sizes,
@@ -121,7 +122,7 @@ def index(
     builder = str(kept.get("dataset", ""))
     source = registry.DATASETS.source(builder) if builder in registry.DATASETS else None
     description = Description(
-        **({"identity": source} if source else {}),
+        identity=source or msgspec.UNSET,
         stage="index",
         stage_version=1,
         schema="samples",
