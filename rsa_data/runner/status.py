@@ -60,15 +60,17 @@ def collections() -> list[tuple[str, Collection]]:
 
 
 def stale(work: WorkDir, table: Table) -> str:
-    """How many parts are out of date, or why all of them are and what to do; "" when none is."""
+    """How many parts are out of date or not done, or why all are and what to do; "" for none."""
     description = table.description()
     stage = stages.known(description.stage)
     if stage is not None and description.stage_version != stage.version:
         return "made by another version of its stage: use --start-over to make it again"
     if description.schema_version != schemas.definition(description.schema)["version"]:
         return "of another schema version: use --start-over to make it again"
-    old = outdated(work, table)
-    return f"{len(old)} parts out of date" if old else ""
+    old, missing = outdated(work, table), table.missing()
+    said = [f"{len(old)} parts out of date"] if old else []
+    said += [f"{len(missing)} parts are not done"] if missing else []
+    return "; ".join(said)
 
 
 def _state(work: WorkDir, table: Table, cpus: Counter[str]) -> str:

@@ -84,6 +84,11 @@ class Table(Receipts):
         except RsaDataError as error:
             raise RsaDataError(f"{error}. --start-over makes the table again") from error
 
+    def missing(self) -> list[int]:
+        """Numbers of the samples' parts that are not done in this table."""
+        samples = Receipts(self.store, f"{self.dataset}/samples")
+        return sorted(set(samples.parts()) - set(self.parts()))
+
     def remember(self, values: dict[str, Any]) -> None:
         """Keeps where a run found its files, in _local.json; no part depends on it."""
         self.store.write(self.helper(LOCAL), to_json(values))

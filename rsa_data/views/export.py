@@ -46,7 +46,8 @@ def export(
     embeddings : which features, as STYLE/ENCODER, where there are several.
 
     Returns the rows of each configuration and split, by `DATASET/SPLIT`. Raises UsageError when
-    the folder is there already, RsaDataError when there is nothing to export.
+    the folder is there already, RsaDataError when there is nothing to export or a dataset is
+    not finished.
     """
     if out.exists():
         raise UsageError(f"--out {out}: expected a folder that is not there yet")
@@ -62,6 +63,13 @@ def export(
         )
         for name in names
     }
+    for table in chosen.values():
+        if missing := table.missing():
+            raise RsaDataError(
+                f"{table}: {len(missing)} of {len(missing) + len(table.parts())} parts are not "
+                "done, and only whole datasets are exported. Run `rsa-data embed`, or leave this "
+                "dataset out: --datasets NAME"
+            )
     unfinished = out.with_name(f".{out.name}.unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
     counts: dict[str, int] = {}
