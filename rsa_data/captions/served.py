@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..common import files, http
+from ..common import bounded, files, http, requests
 from ..common.errors import RowError, RsaDataError, TransientError, UsageError
 
 # px of the longer side that a model is shown; most resize to less.
@@ -40,8 +40,11 @@ class Server:
 
     def __init__(self, address: str, prompt: str, rate: float = 0.0, wait: float = 1.0):
         base = address.rstrip("/")
-        if not base.startswith(("http://", "https://")):
-            raise UsageError(f"--endpoint: expected http://... or https://...; found {address!r}")
+        if not http.is_address(base):
+            raise UsageError(
+                "--endpoint: expected http://HOST... or https://HOST... without a user name; found "
+                f"{http.hidden(address)!r}"
+            )
         self.base = base if base.endswith("/v1") else base + "/v1"
         self.prompt, self.rate, self.wait = prompt, rate, wait
         # Once a request, and redirects are not followed: the key goes to this address alone.
@@ -71,7 +74,8 @@ class Server:
         """
         from ..datasets.images import read_bytes, read_image
 
-        identity = [_MOST_TOKENS, _SIDE, model, self.prompt]
+        # Models of the same name at two servers may differ.
+        identity = [_MOST_TOKENS, _SIDE, self.base, model, self.prompt]
         key = hashlib.sha256(json.dumps(identity).encode() + read_bytes(path)).hexdigest()
         kept = files.cache_folder("vlm") / key[:2] / f"{key}.json"
         if kept.is_file():
@@ -115,6 +119,8 @@ class Server:
 
         headers = {**self.client.headers, "Content-Type": "application/json"}
         if key := os.environ.get(KEY):
+            if not (key.isascii() and key.isprintable() and len(key) < 8192):
+                raise RsaDataError(f"{KEY}: expected a key of printable ASCII characters")
             headers["Authorization"] = f"Bearer {key}"
         data = None if body is None else json.dumps(body).encode()
         why = ""
@@ -122,11 +128,16 @@ class Server:
             self._take_turn()
             asked = self.wait * 2**attempt
             try:
-                answer = self.client.request(
-                    "GET" if data is None else "POST", self.base + path, body=data, headers=headers
+                answer = requests.once(
+                    self.client,
+                    "GET" if data is None else "POST",
+                    self.base + path,
+                    "answer",
+                    headers=headers,
+                    body=data,
                 )
                 if answer.status == 200:
-                    return json.loads(answer.data)
+                    return bounded.parse_json(answer.data)
                 why = f"status {answer.status}"
                 if answer.status in (400, 413, 415, 422):
                     raise RowError(f"the server refused the picture: {why}")
@@ -136,10 +147,12 @@ class Server:
                         f"the key in {KEY}?"
                     )
                 asked = max(asked, _retry_after(answer.headers))
-            except (ValueError, RecursionError):
-                why = "an answer that is not JSON"
+            except bounded.Refused as error:
+                raise RowError(f"the model's answer: {error}") from error
             except (HTTPError, OSError) as error:
                 why = http.reason(error)
+            except ValueError:
+                why = "an answer that is not JSON"
             if attempt < _TRIES - 1:
                 time.sleep(min(asked, _LONGEST_WAIT))
         raise TransientError(f"{self.base}{path}: {why}, {_TRIES} times; the part can be run again")

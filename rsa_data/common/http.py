@@ -1,9 +1,14 @@
 """The one HTTP client: urllib3, by the proxies of the environment, with retries and time limits."""
 
 import importlib.metadata
+import socket
+import threading
 import urllib.parse
 import urllib.request
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import urllib3
@@ -42,11 +47,103 @@ def client(address: str, *, tries: int = TRIES, read: float = 60.0) -> "urllib3.
     proxy = urllib.request.getproxies().get(parts.scheme)
     headers = {"User-Agent": f"rsa-data/{importlib.metadata.version('rsa-data')}"}
     timeout = urllib3.Timeout(connect=10, read=read)
+    given: dict[str, Any] = {"headers": headers, "timeout": timeout, "retries": retries}
     if proxy and not urllib.request.proxy_bypass(parts.hostname or ""):
-        return urllib3.ProxyManager(
-            proxy, maxsize=32, headers=headers, timeout=timeout, retries=retries
-        )
-    return urllib3.PoolManager(maxsize=32, headers=headers, timeout=timeout, retries=retries)
+        pool: urllib3.PoolManager = urllib3.ProxyManager(proxy, maxsize=32, **given)
+    else:
+        pool = urllib3.PoolManager(maxsize=32, **given)
+    pool.pool_classes_by_scheme = _timed_pools()
+    return pool
+
+
+# Of this thread: the watch on the answer that it waits for.
+_waiting = threading.local()
+
+
+class _Watch:
+    """Shuts a connection when its time is over."""
+
+    def __init__(self, seconds: float):
+        self.seconds, self.over = seconds, False
+        self.timer: threading.Timer | None = None
+
+    def begin(self, sock: Any) -> None:
+        self.timer = threading.Timer(self.seconds, self._end, [sock])
+        self.timer.daemon = True
+        self.timer.start()
+
+    def _end(self, sock: Any) -> None:
+        self.over = True
+        with suppress(OSError):
+            sock.shutdown(socket.SHUT_RDWR)
+
+
+@contextmanager
+def deadline(seconds: float) -> Iterator[None]:
+    """Whoever reads an answer inside has so long for all of it, headers included.
+
+    Time limits between bytes never end a server that sends one now and then: the connection is
+    shut when the time is over. Raises TimeoutError then.
+    """
+    watch = _waiting.watch = _Watch(seconds)
+    try:
+        yield
+    finally:
+        _waiting.watch = None
+        if watch.timer is not None:
+            watch.timer.cancel()
+        if watch.over:  # headers and bodies without a length look whole where they were cut
+            raise TimeoutError(f"no whole answer within {seconds:.3g} s")
+
+
+def _watch(connection: Any) -> None:
+    if (watch := getattr(_waiting, "watch", None)) is not None and connection.sock is not None:
+        watch.begin(connection.sock)
+
+
+@cache
+def _timed_pools() -> dict[str, Any]:
+    """urllib3's pools, whose connections keep to `deadline`."""
+    from urllib3 import connection, connectionpool
+
+    class Plain(connection.HTTPConnection):
+        def getresponse(self) -> Any:
+            _watch(self)
+            return super().getresponse()
+
+    class Secure(connection.HTTPSConnection):
+        def getresponse(self) -> Any:
+            _watch(self)
+            return super().getresponse()
+
+    class PlainPool(connectionpool.HTTPConnectionPool):
+        ConnectionCls = Plain
+
+    class SecurePool(connectionpool.HTTPSConnectionPool):
+        ConnectionCls = Secure
+
+    return {"http": PlainPool, "https": SecurePool}
+
+
+def is_address(address: str) -> bool:
+    """Whether a client can ask there: http:// or https://, a host, a port, no user name."""
+    try:
+        parts = urllib.parse.urlsplit(address)
+        port = parts.port
+    except ValueError:
+        return False
+    host = parts.hostname or ""
+    known = parts.scheme in ("http", "https") and port != 0 and "@" not in parts.netloc
+    return known and address.isprintable() and " " not in address and 0 < len(host) <= 253
+
+
+def hidden(address: str) -> str:
+    """An address for messages, without what may be a password in it."""
+    scheme, slashes, rest = address.partition("://")
+    host, slash, path = rest.partition("/")
+    return (
+        f"{scheme}{slashes}***@{host.rpartition('@')[2]}{slash}{path}" if "@" in host else address
+    )
 
 
 def reason(error: Exception) -> str:

@@ -1,12 +1,11 @@
 """Reading files from a web server: GET with retries, folders as the server's pages list them."""
 
 import html.parser
-import ssl
 import urllib.parse
-from typing import Any
 
 from ..common.errors import RowError, RsaDataError, TransientError
-from ..common.http import PASSING, TRIES, client, reason
+from ..common.http import PASSING, TRIES, client, hidden, is_address
+from ..common.requests import Answer, Asking, ask
 
 # Answers that mean that there is nothing.
 _MISSING = frozenset({404, 410})
@@ -25,17 +24,17 @@ class HttpFiles:
     def __init__(self, location: str, option: str = "--root"):
         self.location = location.rstrip("/")
         parts = urllib.parse.urlsplit(self.location)
-        if not parts.hostname or parts.query or parts.fragment or parts.username:
+        if not is_address(self.location) or parts.query or parts.fragment:
             raise RsaDataError(
-                f"{option} {location}: expected https://HOST/PATH without user name, ? and #: it "
-                "is written into the work dir"
+                f"{option} {hidden(location)}: expected https://HOST/PATH without user name, "
+                "? and #: it is written into the work dir"
             )
-        self.pool = client(self.location, tries=TRIES)
+        self.pool = client(self.location)
 
     def read(self, path: str) -> bytes | None:
         """The whole file, or None when there is none."""
         answer = self._file("GET", path)
-        return None if answer is None else bytes(answer.data)
+        return None if answer is None else answer.data
 
     def head(self, path: str, most: int) -> bytes | None:
         """The first `most` bytes of the file, or None when there is none."""
@@ -48,13 +47,13 @@ class HttpFiles:
             return None if answer is None else b""
         # 200: a server that knows no ranges sends the whole file.
         first = 0 if answer.status == 206 else start
-        data: bytes = answer.data[first : first + length]
-        return data
+        return answer.data[first : first + length]
 
     def size(self, path: str) -> int | None:
         """Bytes of the file, or None when there is none; 0 where the server does not tell."""
         answer = self._file("HEAD", path)
-        return None if answer is None else int(answer.headers.get("Content-Length", 0))
+        told = "0" if answer is None else answer.headers.get("Content-Length", "0")
+        return None if answer is None else int(told) if told.isdecimal() and len(told) < 19 else 0
 
     def list(self, folder: str) -> list[str]:
         """Names of the files and folders (with a slash at their end) in `folder`, sorted.
@@ -63,7 +62,7 @@ class HttpFiles:
         Python do; none where there is no such folder. Raises RsaDataError when it makes none.
         """
         try:
-            answer = self._ask("GET", f"{folder.rstrip('/')}/".lstrip("/"))
+            answer = self._ask("GET", f"{folder.rstrip('/')}/".lstrip("/"), most="answer")
         except RowError as error:
             raise RsaDataError(f"{self._url(folder)}: {error}; {_WAY_OUT}") from error
         if answer is None:
@@ -72,7 +71,7 @@ class HttpFiles:
             raise RsaDataError(f"{self._url(folder)}: expected a page of links, found a file")
         page = _Links()
         page.feed(answer.data.decode("utf-8", "replace"))
-        here = urllib.parse.urljoin(self._url(folder) + "/", answer.geturl() or "")
+        here = urllib.parse.urljoin(self._url(folder) + "/", answer.url)
         found = set()
         for link in page.links:
             target = urllib.parse.urljoin(here, link)
@@ -86,33 +85,26 @@ class HttpFiles:
     def _url(self, path: str) -> str:
         return f"{self.location}/{urllib.parse.quote(path)}".rstrip("/")
 
-    def _file(self, method: str, path: str, headers: dict[str, str] | None = None) -> Any:
+    def _file(self, method: str, path: str, headers: dict[str, str] | None = None) -> Answer | None:
         """The answer, or None when there is nothing, or a folder: servers add the slash to it."""
         answer = self._ask(method, path, headers)
-        return None if answer is None or (answer.geturl() or "").endswith("/") else answer
+        return None if answer is None or answer.url.endswith("/") else answer
 
-    def _ask(self, method: str, path: str, headers: dict[str, str] | None = None) -> Any:
+    def _ask(
+        self, method: str, path: str, headers: dict[str, str] | None = None, most: str = "image"
+    ) -> Answer | None:
         """The answer, or None when the server says that there is nothing."""
-        from urllib3 import exceptions
-
         url = f"{self.location}/{urllib.parse.quote(path)}"
-        try:
-            answer = self.pool.request(
-                method, url, headers={**self.pool.headers, **(headers or {})}
-            )
-        except (exceptions.HTTPError, ssl.SSLError) as error:
-            raise TransientError(
-                f"cannot read {url}: {reason(error)}. Run the same command again"
-            ) from error
+        how = Asking(most, tries=TRIES + 1, anywhere=True)
+        answer = ask(self.pool, method, url, how, headers=headers)
         if answer.status in _MISSING:
             return None
         if answer.status in PASSING:
             raise TransientError(
-                f"cannot read {url}: the server answers {answer.status} {answer.reason}. Run the "
-                "same command again"
+                f"cannot read {url}: the server answers {answer.said()}. Run the same command again"
             )
-        if answer.status >= 400 and answer.status != 416:  # the range of an empty file
-            raise RowError(f"the server answers {answer.status} {answer.reason}")
+        if answer.status not in (200, 203, 206, 416):  # the last is of an empty file's range
+            raise RowError(f"the server answers {answer.said()}")
         return answer
 
 
