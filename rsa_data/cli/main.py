@@ -44,6 +44,10 @@ COMMANDS = {
         "rsa_data.cli.heads:import_head",
         "Turn a released RSA checkpoint (.pt) into a head of the work dir.",
     ),
+    "export-head": (
+        "rsa_data.cli.heads:export_head",
+        "Write a head to take to another machine, with its model card.",
+    ),
     "run": ("rsa_data.cli.tables:run", "Run a pipeline file: several stages with their options."),
     "plan": ("rsa_data.cli.planning:plan", "Estimate the time and disk space that a stage needs."),
     "retry-failed": ("rsa_data.cli.tables:retry_failed", "Process parts with failed rows again."),

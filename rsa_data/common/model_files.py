@@ -105,30 +105,48 @@ def _resolve_host(address: str) -> None:
 
 def _download(card: Card, own: Path, option: str | None) -> None:
     """Fetches the card's url to `own`, which appears only whole and with the right checksum."""
-    url = card.url or ""
-    if not url.startswith(("https://", "http://")):
-        raise RsaDataError(f"model {card.name}: expected an http(s) url; found {url!r}")
     from urllib3.exceptions import HTTPError
 
-    sha = hashlib.sha256()
     try:
-        with replacing(own, durable=True) as file:
-            answer = http.client(url, tries=3).request(
-                "GET", url, preload_content=False, enforce_content_length=False
-            )
-            if answer.status != 200:
-                reason = f"HTTP Error {answer.status}: {answer.reason}"
-                raise _unavailable(card, own, option, reason)
-            for block in answer.stream(1 << 20, decode_content=False):
-                sha.update(block)
-                file.write(block)
-            size, expected = file.tell(), answer.headers.get("Content-Length")
-            if expected is not None and size != int(expected):
-                raise _unavailable(card, own, option, f"expected {expected} bytes, got {size}")
-            if sha.hexdigest() != card.sha256:
-                raise RsaDataError(
-                    f"model {card.name}: expected sha256 {card.sha256} of {url}; "
-                    f"found {sha.hexdigest()}: nothing was kept"
-                )
+        download(card.url or "", own, sha256=card.sha256, where=f"model {card.name}")
     except (OSError, ValueError, HTTPError) as error:
         raise _unavailable(card, own, option, http.reason(error)) from error
+
+
+def download(
+    url: str,
+    own: Path,
+    *,
+    most: int | None = None,
+    sha256: str | None = None,
+    where: str = "download",
+) -> Path:
+    """Fetches a url to `own`, which appears only whole, and with the right checksum if one is known.
+
+    most : bytes that are taken at most. where : begins the messages.
+    Raises RsaDataError for another kind of address, too many bytes or another checksum; OSError,
+    ValueError or urllib3's HTTPError where the transport fails.
+    """
+    if not url.startswith(("https://", "http://")):
+        raise RsaDataError(f"{where}: expected an http(s) url; found {url!r}")
+    sha = hashlib.sha256()
+    with replacing(own, durable=True) as file:
+        answer = http.client(url, tries=3).request(
+            "GET", url, preload_content=False, enforce_content_length=False
+        )
+        if answer.status != 200:
+            raise OSError(f"HTTP Error {answer.status}: {answer.reason}")
+        for block in answer.stream(1 << 20, decode_content=False):
+            sha.update(block)
+            file.write(block)
+            if most is not None and file.tell() > most:
+                raise RsaDataError(f"{where}: expected at most {most:,} bytes of {url}")
+        size, expected = file.tell(), answer.headers.get("Content-Length")
+        if expected is not None and size != int(expected):
+            raise ValueError(f"expected {expected} bytes, got {size}")
+        if sha256 is not None and sha.hexdigest() != sha256:
+            raise RsaDataError(
+                f"{where}: expected sha256 {sha256} of {url}; found {sha.hexdigest()}: nothing was "
+                "kept"
+            )
+    return own

@@ -9,12 +9,12 @@ import pytest
 import scipy.optimize
 import torch
 from click.testing import CliRunner
+from rsa_data.heads.predict.outputs import write_depth
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.heads.predict import known_depth
 from rsa_data.heads.predict.images import paraphrases
-from rsa_data.heads.predict.outputs import write_depth
 from rsa_data.heads.predict.predict import predict
 from rsa_data.store.tables import WorkDir
 

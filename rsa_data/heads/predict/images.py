@@ -1,18 +1,25 @@
-"""What predict needs of images: their captions through a detector, and their relative depth."""
+"""What predict needs of photos: their captions through a detector, and their relative depth."""
 
+import importlib.util
 import random
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...common.errors import RowError, RsaDataError, UsageError
+from .choices import Models
 
 if TYPE_CHECKING:
-    import pyarrow as pa
+    from ...depth.model import Source
 
 _PARAPHRASES = 8
+# Without a head that names its own.
+DEPTH_MODEL = "depth-anything-v2-small"
+# For heads that do not say which captions they were trained on: the release's structured texts.
+STYLE = "release"
 
 
 def paraphrases(caption: str) -> list[str]:
@@ -36,147 +43,175 @@ def paraphrases(caption: str) -> list[str]:
     return found[:_PARAPHRASES]
 
 
-def images_below(place: Path) -> list[str]:
-    """Names of the images: of the one at `place`, or of all below it, relative to it, sorted."""
-    from ...datasets.images import SUFFIXES
+def segmenter_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
+    """Options of the detect stage for new photos of a head.
 
-    if place.is_file():
-        return [place.name]
-    if not place.is_dir():
-        raise UsageError(f"--image {place}: expected an image or a folder; there is none")
-    files = (p for p in place.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
-    names = sorted(p.relative_to(place).as_posix() for p in files)
-    if not names:
-        raise RsaDataError(f"--image {place}: expected images in this folder; found none")
-    return names
-
-
-def tell(
-    about: dict[str, Any],
-    place: Path,
-    names: list[str],
-    segments: str | None = None,
-    weights: Path | None = None,
-    card: Path | None = None,
-) -> list[str]:
-    """A caption of each image in the style that the head was trained on.
-
-    about : head.json. Raises RsaDataError for an image that cannot be read.
+    about : head.json, {} without a head.
     """
-    _, captions = look(about, place, names, segments, weights, card)
-    texts = dict(zip(captions["sample_id"].to_pylist(), captions["text"].to_pylist(), strict=True))
-    return [texts[name] for name in names]
+    from ... import registry
+    from ...segments import detect
+
+    used = {table.partition("/")[2] for table in (about.get("segments") or {}).values()}
+    own = registry.SEGMENTERS[detect.DEFAULT]
+    known = [name for name in used if registry.SEGMENTERS.get(name) == own]
+    default = known[0] if len(known) == 1 else detect.DEFAULT
+    options: dict[str, Any] = {"segments": models.segments or default}
+    for name in ("segmenter_weights", "card"):
+        if (value := getattr(models, name)) is not None:
+            options[name] = value
+    return options
 
 
-def look(
-    about: dict[str, Any],
-    place: Path,
-    names: list[str],
-    segments: str | None = None,
-    weights: Path | None = None,
-    card: Path | None = None,
-) -> "tuple[pa.Table, pa.Table]":
-    """Segments and plain captions of each image, as the head's tables have them; see `tell`."""
+def captions_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
+    """Options of the captions stage for new photos of a head: those of its training captions.
+
+    Raises UsageError when these were not written from segments.
+    """
+    from ...captions import write
+
+    options: dict[str, Any] = dict(next(iter((about.get("captions") or {}).values()), {}))
+    if models.style is not None:
+        options = {"style": models.style}
+    options.setdefault("style", STYLE)
+    if not write.needs_segments(options["style"]):
+        raise UsageError(
+            f"the head learned from texts of the style {options['style']!r}, which are not written "
+            "from segments: give --caption TEXT, or choose a wording with --style"
+        )
+    # A head may come from anywhere: it chooses words, never servers or files.
+    options = {k: v for k, v in options.items() if k not in write.STAGE.local}
+    return {**options, "variants": 1}
+
+
+def describer(
+    about: dict[str, Any], root: Path, models: Models
+) -> Callable[[str], tuple[Any, str]]:
+    """name -> the Segments of the photo root / name, and its caption for the head.
+
+    Loads the detector. The function raises RsaDataError for a photo that cannot be read.
+    """
     import pyarrow as pa
 
+    from ... import registry
     from ...captions import write
     from ...datasets.folder import folder
     from ...segments import detect
+    from ...segments.segments import Segments, from_row
     from ...store import schemas
 
-    options: dict[str, Any] = next(iter(about.get("captions", {}).values()), {})
-    root = place.parent if place.is_file() else place
+    options = segmenter_of(about, models)
+    onnx = registry.SEGMENTERS[detect.DEFAULT]
+    is_model = registry.SEGMENTERS.get(options["segments"].partition(":")[0], onnx) == onnx
+    if is_model and importlib.util.find_spec("pycocotools"):
+        options["masks"] = True
+    find = detect.build(dataset=folder(), root=root, **options)
+    tell = write.build(**captions_of(about, models)) if about else None
     blank = dict.fromkeys(schemas.schema("samples").names)
-    rows = [
-        blank | {"sample_id": n, "dataset": "folder", "split": "test", "scene": ".", "image": n}
-        for n in names
-    ]
-    samples = pa.Table.from_pylist(rows, schemas.schema("samples"))
-    found = detect.build(
-        dataset=folder(),
-        root=root,
-        segments=segments or _segmenter_of(about),
-        segmenter_weights=weights,
-        card=card,
-    )(samples)
-    for row in found.select(["status", "error"]).to_pylist():
-        if row["status"] != "ok":
-            raise RsaDataError(f"--image: {row['error']}")
-    return found, write.build(**{**options, "variants": 1})(found, samples)
+
+    def describe(name: str) -> tuple[Segments, str]:
+        row = blank | {"sample_id": name, "dataset": "folder", "split": "test", "scene": "."}
+        samples = pa.Table.from_pylist([row | {"image": name}], schemas.schema("samples"))
+        found = find(samples)
+        segments = from_row(found.to_pylist()[0])
+        if isinstance(segments, RowError):
+            raise RsaDataError(str(segments))
+        return segments, "" if tell is None else str(tell(found, samples)["text"][0].as_py())
+
+    return describe
 
 
-def _segmenter_of(about: dict[str, Any]) -> str:
-    """The model that described the images a head was trained on, if it was one; or the default."""
-    from ... import registry
-    from ...segments import detect
+def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
+    """Options of the depth model for new photos: name, geometry and crop.
 
-    used = {table.partition("/")[2] for table in about.get("segments", {}).values()}
-    known = [n for n in used if registry.SEGMENTERS.get(n) == registry.SEGMENTERS[detect.DEFAULT]]
-    return known[0] if len(known) == 1 else detect.DEFAULT
-
-
-def relative_of(
-    about: dict[str, Any],
-    place: Path | None,
-    name: str | None,
-    relative: Path | None,
-    weights: Path | None,
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """y, float32 (h, w), of one image or map, and the image's colours, uint8 (h, w, 3), or None.
-
-    From `relative`, a file or a folder of maps, or by the head's own depth model at the geometry
-    it was trained for, resized to the image.
+    Raises UsageError when the head does not say how its relative depth was made, or was made for
+    another depth model than the one asked for.
     """
-    from ...datasets import images
-    from ...depth.files import read
-    from ...depth.measure import at_size
-
-    colours = None
-    try:
-        if place is not None and name is not None:
-            colours = images.read_image(place if place.is_file() else place / name)
-        if relative is not None:
-            file = (
-                relative / str(Path(name).with_suffix(""))
-                if name and relative.is_dir()
-                else relative
-            )
-            found = read(file.parent, file.stem if relative.is_file() else file.name)
-        else:
-            assert place is not None and name is not None
-            found = _source(about, place.parent if place.is_file() else place, weights)(name)
-    except RowError as error:
-        raise RsaDataError(f"predict: {error}") from error
-    if colours is None:
-        return found.y, None
-    return at_size(found, *colours.shape[:2]), colours
-
-
-def _source(about: dict[str, Any], root: Path, weights: Path | None) -> Any:
     from ... import registry
-    from ...datasets.folder import folder
 
-    model = about["depth_model"]
-    if model["model"] in (None, "files"):
+    model = about.get("depth_model") or {}
+    own = model.get("model")
+    if not about or own is None:
+        if about and models.depth_model is None:
+            raise UsageError(
+                "predict: the head does not say which depth model it was trained for: give the "
+                "photos' relative depth with --relative, or name the model with --depth-model"
+            )
+        return {"name": models.depth_model or DEPTH_MODEL, "geometry": None, "crop": "none"}
+    if own == "files":
         raise UsageError(
-            "predict: the head's relative depth came from files: give the images' own with "
+            "predict: the head's relative depth came from files: give the photos' own with "
             "--relative, from the same model at the same geometry"
         )
-    ways = {str(g): g for g in model["geometry"].values()}
+    if own not in registry.DEPTH_MODELS:
+        raise UsageError(
+            f"predict: the head was trained for the depth model {own}, which cannot be run here: "
+            "give the photos' relative depth from it with --relative"
+        )
+    if models.depth_model not in (None, own):
+        raise UsageError(
+            f"--depth-model {models.depth_model}: expected {own}, for which the head was trained: "
+            "scale and shift of one depth model do not fit another one"
+        )
+    ways = {str(g): g for g in model.get("geometry", {}).values()}
     if len(ways) > 1:
         raise UsageError(
             "predict: the head was trained on several geometries of its depth model "
             f"({'; '.join(ways)}): give --relative, made in one of these ways"
         )
-    geometry: dict[str, Any] = next(iter(ways.values()), {})
-    return registry.resolve("depth model", registry.DEPTH_MODELS, model["model"])(
-        name=model["model"],
+    way: dict[str, Any] = next(iter(ways.values()), {})
+    return {"name": own, "geometry": way.get("geometry"), "crop": way.get("crop") or "none"}
+
+
+def check_depth_file(about: dict[str, Any], model: str, weights: Path | None) -> None:
+    """Finds the depth model's file; RsaDataError when it is missing or is not the head's."""
+    from ...depth import measure
+    from ...runner.fingerprints import file_sha256
+
+    wanted = ((about.get("depth_model") or {}).get("files") or {}).get("model")
+    path = measure.files(depth_model=model, depth_weights=weights).get("model")
+    if wanted is not None and path is not None and (found := file_sha256(str(path))) != wanted:
+        raise RsaDataError(
+            f"depth model {model}: the head was trained with another file: expected sha256 "
+            f"{wanted}; found {found} in {path.name}"
+        )
+
+
+def relative_source(about: dict[str, Any], root: Path, models: Models) -> "Source":
+    """name -> relative depth of the photo root / name: of a model, or of the files given.
+
+    Loads the model. Raises UsageError as `depth_of` does.
+    """
+    from ... import registry
+    from ...datasets.folder import folder
+    from ...depth.files import read
+
+    relative = models.relative
+    if relative is not None and relative.is_dir():
+        return lambda name: read(relative, str(Path(name).with_suffix("")))
+    if relative is not None:
+        return lambda name: read(relative.parent, relative.stem)
+    options = depth_of(about, models)
+    source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, options["name"])(
+        **options,
         argument="",
         dataset=folder(),
         root=root,
-        weights=weights,
-        geometry=geometry.get("geometry"),
-        crop=geometry.get("crop") or "none",
-        holds=(model["options"] or {}).get("files_hold", "relative"),
-        threads=1,
+        weights=models.depth_weights,
+        holds=((about.get("depth_model") or {}).get("options") or {}).get("files_hold", "relative"),
+        threads=2,
     )
+    return source
+
+
+def relative_map(source: "Source", name: str, size: Sequence[int] | None) -> np.ndarray:
+    """y, float32 (h, w), of a photo, at the photo's size (h, w) if that is given.
+
+    Raises RsaDataError when there is none.
+    """
+    from ...depth.measure import at_size
+
+    try:
+        found = source(name)
+    except RowError as error:
+        raise RsaDataError(str(error)) from error
+    return found.y if size is None else at_size(found, size[0], size[1])

@@ -1,10 +1,11 @@
-"""A prediction from words, corrected by what else is known: points, a range, the frames around."""
+"""What is known besides the words: points, a range, the frames around; with a head or without."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ...common.errors import UsageError
+from ...common.errors import RsaDataError, UsageError
 
 # How far a head's scale and shift are off, relative to themselves, when the head does not say.
 PRIOR = {"scale": 0.3, "shift": 0.3, "correlation": 0.0}
@@ -32,11 +33,7 @@ def refine(
     prior : standard deviations of the relative errors of scale and shift and their correlation.
     """
     prior = prior or PRIOR
-    if not (np.isfinite(y).all() and (metres > 0).all() and np.isfinite(metres).all()):
-        raise UsageError(
-            f"known points: expected depths above 0 m where the relative depth is defined; found "
-            f"depths {metres.tolist()} at relative depths {y.tolist()}"
-        )
+    check_points(y, metres)
     both = prior["correlation"] * prior["scale"] * prior["shift"]
     covariance = np.array([[prior["scale"] ** 2, both], [both, prior["shift"] ** 2]])
     whiten = np.linalg.cholesky(np.linalg.inv(covariance)).T / np.array([scale, shift])
@@ -52,20 +49,128 @@ def refine(
     return float(a), float(b)
 
 
-def points(relative: np.ndarray, known: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """y and depth (m) of points written as `u,v,metres`: column, row from the top left in px."""
+@dataclass(frozen=True)
+class Fit:
+    """Scale and shift from known points alone.
+
+    residuals : relative error of the fitted depth at each point, + where it is too far.
+    used : bool, false for points that contradict the others and were left out.
+    assumption : what had to be assumed, or nothing.
+    """
+
+    scale: float
+    shift: float
+    residuals: np.ndarray
+    used: np.ndarray
+    assumption: str = ""
+
+
+# A point that misses the fit of the others by more than this is left out, if they agree.
+_WRONG = 0.25
+
+
+def fit(y: np.ndarray, metres: np.ndarray) -> Fit:
+    """Scale and shift from points of known depth, without a head.
+
+    Minimises sum_k ((a y_k + b) z_k - 1)^2 over a > 0 and b: least squares in inverse depth,
+    relative to each. With four points or more, those that miss by more than 25% the line through
+    the two points that suits most are left out first (least median of squares, Rousseeuw 1984).
+    One point gives the scale alone, with the shift assumed to be 0.
+
+    y, metres : float (k,), relative depth at the points and their depth, m, above 0.
+    Raises RsaDataError where the points contradict the relative depth, which grows towards the
+    viewer, or where they are all equally near.
+    """
+    check_points(y, metres)
+    if len(y) == 1:
+        if y[0] <= 0:
+            raise RsaDataError(
+                f"--known: the relative depth at the point is {y[0]:.4g}; one point alone needs "
+                "one above 0. Give a second point at another distance"
+            )
+        scale = float(1 / (y[0] * metres[0]))
+        told = "one point gives the scale alone: the shift is assumed to be 0. Give a second one"
+        return Fit(scale, 0.0, np.zeros(1), np.ones(1, bool), told)
+    used = _agreeing(y, metres) if len(y) >= 4 else np.ones(len(y), bool)
+    scale, shift = _least_squares(y[used], metres[used])
+    inverse = scale * y + shift
+    residuals = np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1) / metres - 1, np.inf)
+    if not scale > 0:
+        listed = "; ".join(f"y {a:.4g} at {z:g} m" for a, z in zip(y, metres, strict=True))
+        raise RsaDataError(
+            "--known: expected the relative depth y to be larger at nearer points; found "
+            f"{listed}. Check the pixels, or name the right depth model"
+        )
+    return Fit(float(scale), float(shift), residuals, used)
+
+
+def without_shift(found: Fit, y: np.ndarray, metres: np.ndarray, why: str) -> Fit:
+    """The same points with the shift held at 0; why : said as the assumption."""
+    product = (y * metres)[found.used]
+    scale = float(product.sum() / (product @ product))
+    return Fit(scale, 0.0, 1 / (scale * y) / metres - 1, found.used, why)
+
+
+def _least_squares(y: np.ndarray, metres: np.ndarray) -> tuple[float, float]:
+    if np.ptp(y) <= 1e-6 * np.abs(y).max():
+        raise RsaDataError(
+            "--known: the relative depth is the same at all points, so they give no scale; choose "
+            "points at other distances"
+        )
+    matrix = np.stack([y, np.ones_like(y)], 1) * metres[:, None]
+    scale, shift = np.linalg.lstsq(matrix, np.ones(len(y)), rcond=None)[0]
+    return float(scale), float(shift)
+
+
+def _agreeing(y: np.ndarray, metres: np.ndarray) -> np.ndarray:
+    """Which points agree with the pair whose line suits most points best; all, if none does."""
+    few = np.linspace(0, len(y) - 1, min(len(y), 100)).astype(int)
+    i, j = (few[k] for k in np.triu_indices(len(few), 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = (1 / metres[i] - 1 / metres[j]) / (y[i] - y[j])
+        shift = 1 / metres[i] - scale * y[i]
+        error = np.abs((scale[:, None] * y + shift[:, None]) * metres - 1)  # (pairs, k)
+    error[~((scale > 0) & np.isfinite(shift))] = np.inf
+    # The median of what is left when two points fit by construction: three of five must agree.
+    middle = np.sort(error, 1)[:, (len(y) + 1) // 2]
+    best = int(np.argmin(middle))
+    agree = error[best] <= max(_WRONG, 3 * middle[best])
+    return agree if np.isfinite(middle[best]) and agree.sum() >= 2 else np.ones(len(y), bool)
+
+
+def check_points(y: np.ndarray, metres: np.ndarray) -> None:
+    """Raises UsageError unless all depths are above 0 and y is defined at all points."""
+    if not (np.isfinite(y).all() and (metres > 0).all() and np.isfinite(metres).all()):
+        raise UsageError(
+            f"known points: expected depths above 0 m where the relative depth is defined; found "
+            f"depths {metres.tolist()} at relative depths {y.tolist()}"
+        )
+
+
+def points(
+    relative: np.ndarray, known: Sequence[str], size: tuple[int, int] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """y and depth (m) of points written as `u,v,metres`: column, row from the top left in px.
+
+    size : width and height in px of the picture that the points are of; by default the map's.
+    """
     y, metres = [], []
     height, width = relative.shape
+    across, down = size or (width, height)
     for text in known:
         try:
             u, v, depth = (float(number) for number in text.split(","))
         except ValueError as error:
             raise UsageError(f"--known: expected u,v,metres; found {text!r}") from error
-        if not (0 <= u < width and 0 <= v < height):
+        if not (0 <= u < across and 0 <= v < down):
+            of = "the photo" if size else "the relative depth"
+            raise UsageError(f"--known {text}: expected a pixel of {of}, {across} x {down}")
+        value = float(relative[int(v * height / down), int(u * width / across)])
+        if not np.isfinite(value):
             raise UsageError(
-                f"--known {text}: expected a pixel of the relative depth, {width} x {height}"
+                f"--known {text}: the relative depth is not defined there; choose another pixel"
             )
-        y.append(float(relative[int(v), int(u)]))
+        y.append(value)
         metres.append(depth)
     return np.array(y), np.array(metres)
 
@@ -79,7 +184,7 @@ def ends(relative: np.ndarray, near_far: str) -> tuple[np.ndarray, np.ndarray]:
         near, far = (float(number) for number in near_far.split(","))
     except ValueError as error:
         raise UsageError(f"--range: expected near,far in metres; found {near_far!r}") from error
-    if not 0 < near < far:
+    if not 0 < near < far < np.inf:
         raise UsageError(f"--range: expected 0 < near < far; found {near_far}")
     values = relative[np.isfinite(relative)]
     if not len(values):
@@ -97,13 +202,14 @@ def smooth(values: np.ndarray, frames: int) -> np.ndarray:
     logs = np.concatenate([[0.0], np.cumsum(np.log(values, dtype=np.float64))])
     index = np.arange(len(values))
     first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, len(values))
-    return np.exp((logs[last] - logs[first]) / (last - first)).astype(np.float32)
+    mean: np.ndarray = np.exp((logs[last] - logs[first]) / (last - first)).astype(np.float32)
+    return mean
 
 
-def camera(text: str) -> tuple[float, float, float, float]:
-    """fx, fy, cx, cy in px, written with commas between."""
-    try:
-        fx, fy, cx, cy = (float(number) for number in text.split(","))
-    except ValueError as error:
-        raise UsageError(f"--intrinsics: expected fx,fy,cx,cy in px; found {text!r}") from error
-    return fx, fy, cx, cy
+def told(found: Fit, metres: np.ndarray) -> list[str]:
+    """The residuals of a fit in words."""
+    parts = [
+        f"{z:g} m {residual:+.1%}{'' if used else ' (left out)'}"
+        for z, residual, used in zip(metres, found.residuals, found.used, strict=True)
+    ]
+    return [f"from known distances alone; residuals: {', '.join(parts)}"]

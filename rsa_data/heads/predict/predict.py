@@ -1,204 +1,265 @@
-"""predict: from captions or images to scale and shift, and on to metric depth."""
+"""predict: from photos, captions or known points to scale and shift, and on to metric depth."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...common import bounded, text_files
-from ...common.errors import RsaDataError, UsageError
+from ...common.errors import RowError, RsaDataError, UsageError
 from ...common.options import accepts_old_names
 from ...store.tables import WorkDir
 from ..metric import to_metric
-from . import known_depth
-from .images import images_below, paraphrases, relative_of, tell
-from .outputs import write_depth
+from . import known_depth, needs
+from .camera import camera_of
+from .choices import Hints, Models, View
+from .find import find
+from .from_captions import from_captions
+from .images import captions_of, describer, relative_map, relative_source
+from .objects import seen
+from .photos import Photo, opened
+from .prediction import Prediction
 
 if TYPE_CHECKING:
+    from ...segments.segments import Segments
     from ..checkpoint import ScaleHead
 
-
-@dataclass
-class Prediction:
-    """What a head says of one caption.
-
-    scale, shift : 1/m per unit of y, and 1/m. name : of the image or map, empty without one.
-    spread : lowest and highest scale and shift over the caption's paraphrases, or None.
-    unlike : the caption is farther from the training captions than 99% of those held out.
-    written : the depth file, if one was asked for.
-    """
-
-    caption: str
-    scale: float
-    shift: float
-    name: str = ""
-    spread: tuple[float, float, float, float] | None = None
-    unlike: bool = False
-    written: Path | None = None
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def lines(self) -> list[str]:
-        """What a person reads of it."""
-        first = f"scale {self.scale:.6g}  shift {self.shift:.6g}  {self.name or self.caption!r}"
-        lines = [first, *([f"  {self.caption!r}"] if self.name else [])]
-        if self.spread:
-            a, b, c, d = self.spread
-            lines.append(
-                f"  over its paraphrases: scale {a:.4g} to {b:.4g}, shift {c:.4g} to {d:.4g}"
-            )
-        if self.unlike:
-            lines.append(
-                "  warning: unlike anything the head was trained on; do not trust this without a "
-                "known point (--known u,v,metres)"
-            )
-        lines += [f"  {note}" for note in self.notes]
-        return lines + ([f"  wrote {self.written}"] if self.written else [])
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """All predictions of a call."""
-
-    predictions: list[Prediction]
-
-    @property
-    def summary(self) -> str:
-        """Scale, shift and what is to be said of each."""
-        return "\n".join(line for p in self.predictions for line in p.lines)
+# Share of the pixels without a finite depth above which that is said.
+_HOLES = 0.01
 
 
 @accepts_old_names("predict")
 def predict(
     work: WorkDir,
+    photos: Sequence[Path] = (),
     *,
-    head: str = "head",
+    head: str | None = None,
     caption: tuple[str, ...] = (),
     captions: Path | None = None,
-    image: Path | None = None,
-    segments: str | None = None,
-    segmenter_weights: Path | None = None,
-    card: Path | None = None,
-    encoder_weights: Path | None = None,
-    relative: Path | None = None,
-    depth_weights: Path | None = None,
-    known: tuple[str, ...] = (),
-    range: str | None = None,
-    smooth: int = 0,
-    intrinsics: str | None = None,
-    out: Path | None = None,
-    kind: Literal["npy", "png", "ply"] = "npy",
-) -> Predicted:
-    """Scale and shift of captions, or of images through a detector; metric depth with --out.
+    models: Models = Models(),
+    hints: Hints = Hints(),
+    view: View = View(),
+) -> Iterator[Prediction]:
+    """Metric depth of photos, or scale and shift of captions, one after the other.
 
-    metric depth = 1 / (scale * relative depth + shift), one scale and one shift an image; where the
+    metric depth = 1 / (scale * relative depth + shift), one scale and one shift a photo; where the
     denominator is not positive it is inf. A scale for each region or pixel is out of scope.
 
     Parameters
     ----------
-    head : name of a head below WORK/heads, or its folder, or a released .pt file.
-    caption : description of the scene; may be repeated. With --image, one describes all frames.
-    captions : file with a caption a line.
-    image : image, or folder of images, that a detector describes, unless --caption does.
-    segments : what finds the objects; see `rsa-data list segmenters`.
-    segmenter_weights : file of its weights, instead of the download.
-    card : model card (TOML) of a segmenter of your own.
-    encoder_weights : file with the text encoder's weights, where it is not found by itself.
-    relative : relative depth, .npy or 16-bit PNG (value / 65535), or a folder of maps named like
-        the images. By default the head's depth model runs on the images.
-    depth_weights : file of the depth model's weights, instead of the download.
-    known : a point of known depth as u,v,metres, pixel column and row; may be repeated. The
-        prediction is corrected as far as the points are surer than the words.
-    range : depth of the nearest and the farthest part as near,far in metres, used like two points.
-    smooth : frames over which the predictions of a folder are averaged, in the order of names.
-    intrinsics : fx,fy,cx,cy in px of the depth map, for point clouds.
-    out : file to write metric depth to, .npy (m), .png (16 bits, mm) or .ply (coloured points); a
-        folder when there are several.
-    kind : of the files in that folder.
-    """
-    from ..checkpoint import ScaleHead
+    photos : images, folders of images, and videos.
+    head : a folder or file of a head, a head of the work dir, a ready head such as
+        rsa-depth-anything, or an address (https:// or hf://OWNER/NAME). By default the work dir's
+        own; with --known or --range none is needed.
+    caption : description of the scene, instead of the segmenter's; may be repeated, one for each
+        photo or one for all.
+    captions : file with one caption a line.
 
-    loaded = ScaleHead.load(_place(work, head))
-    names = images_below(image) if image else []
+    A photo that cannot be processed comes as a Prediction with its error. Raises UsageError for a
+    call that cannot be meant and RsaDataError, which lists them all, when files are missing.
+    """
     texts = [*caption, *_lines(captions)]
-    if names and not texts:
-        assert image is not None
-        texts = tell(loaded.description, image, names, segments, segmenter_weights, card)
-    elif names and len(texts) == 1:
-        texts *= len(names)
-    if not texts:
-        raise UsageError("predict: expected --caption TEXT, --captions FILE or --image PLACE")
-    if names and len(texts) != len(names):
-        raise UsageError(
-            f"predict: expected one caption for all images or one each; found {len(texts)} for "
-            f"{len(names)} images"
+    loaded = None if head is None and hints and not texts else find(work, head)
+    about: dict[str, Any] = loaded.description if loaded else {}
+    with ExitStack() as stack:
+        every = stack.enter_context(opened(photos))
+        if not every and not texts and models.relative is None:
+            raise UsageError("predict: expected photos, --caption TEXT or --captions FILE")
+        if every and texts and len(texts) not in (1, len(every)):
+            raise UsageError(
+                f"predict: expected one caption for all photos or one each; found {len(texts)} for "
+                f"{len(every)} photos"
+            )
+        if not every and len(texts) > 1 and (models.relative or hints):
+            raise UsageError("predict: --relative and --known without photos take one --caption")
+        if loaded is not None and not every and not texts:
+            raise UsageError("predict: a head needs a photo or a --caption")
+        if not every and hints and models.relative is None:
+            raise UsageError("predict: --known and --range need a photo or --relative")
+        if not loaded and not hints:
+            raise UsageError(
+                "predict: expected --head NAME, or known distances: --known u,v,metres"
+            )
+        yield from _Run(loaded, about, texts, models, hints, view).over(every)
+
+
+class _Run:
+    """One call: what is loaded once, and the photos one after the other."""
+
+    def __init__(
+        self,
+        head: "ScaleHead | None",
+        about: dict[str, Any],
+        texts: list[str],
+        models: Models,
+        hints: Hints,
+        view: View,
+    ):
+        self.head, self.about, self.texts = head, about, texts
+        self.models, self.hints, self.view = models, hints, view
+        self.encode: Callable[[Sequence[str]], np.ndarray] | None = None
+        self.without_depth = ""
+
+    def over(self, photos: list[Photo]) -> Iterator[Prediction]:
+        """The predictions, in order."""
+        self._check(bool(photos))
+        if self.head is not None:
+            from ..belong import encoder
+
+            self.encode = encoder(self.head.description["features"], self.models.encoder_weights)
+        if not photos:
+            for p in self._of_texts():
+                yield self._with_map(p) if self.models.relative else p
+            return
+        found = self._described(photos)
+        if self.hints.smooth > 1:
+            found = iter(self._smoothed(list(found)))
+        depth = _PerRoot(
+            lambda root: (
+                None if self.without_depth else relative_source(self.about, root, self.models)
+            )
         )
-    if not names and len(texts) > 1 and (relative or out):
-        raise UsageError("predict: --relative and --out without --image take one --caption")
-    found = from_captions(loaded, texts, encoder_weights)
-    if smooth > 1:
-        _smooth(found, smooth)
-    if relative is None and not (names and (out or known or range)):
-        if known or range or out:
-            raise UsageError("predict: --known, --range and --out need --relative or --image")
-        return Predicted(found)
-    camera = known_depth.camera(intrinsics) if intrinsics else None
-    labels: list[str | None] = [*names] if names else [None]
-    for p, name in zip(found, labels, strict=True):
-        p.name = name or ""
-        y, colours = relative_of(loaded.description, image, name, relative, depth_weights)
-        _correct(p, y, known, range, loaded.description.get("prior"))
-        if out:
-            several = len(found) > 1 or (image is not None and image.is_dir())
-            p.written = out / Path(p.name).with_suffix(f".{kind}") if several else out
-            write_depth(p.written, to_metric(y, p.scale, p.shift), camera, colours)
-    return Predicted(found)
+        for photo, segments, p in found:
+            if not p.error:
+                try:
+                    self._finish(photo, segments, p, depth(photo.root))
+                except (RsaDataError, RowError) as error:
+                    if isinstance(error, UsageError):
+                        raise
+                    p.error = str(error)
+            yield p
 
-
-def from_captions(
-    head: "ScaleHead",
-    captions: Sequence[str],
-    weights: Path | None = None,
-    encoder: Callable[[Sequence[str]], np.ndarray] | None = None,
-) -> list[Prediction]:
-    """Predictions of captions, each with the spread over its paraphrases and its distance.
-
-    encoder : the head's encoder, when the caller holds it in memory.
-    """
-    from ..belong import encode
-    from .calibration import distance
-
-    # Each text once: the place in a batch may change the last bit.
-    distinct = list(dict.fromkeys(captions))
-    others = [paraphrases(text) for text in distinct]
-    flat = [text for pair in zip(distinct, others, strict=True) for text in (pair[0], *pair[1])]
-    features = encoder(flat) if encoder else encode(head.description["features"], flat, weights)
-    scale, shift = head(features)
-    starts = np.cumsum([0] + [1 + len(o) for o in others])
-    far = head.description.get("far")
-    unlike = np.zeros(len(flat), bool)
-    if far is not None and head.reference is not None:
-        unlike = distance(features, head.reference, head.mean.numpy()) > far
-    found = {}
-    for text, start, end in zip(distinct, starts[:-1], starts[1:], strict=True):
-        a, b = scale[start:end], shift[start:end]
-        spread = tuple(float(v) for v in (a.min(), a.max(), b.min(), b.max()))
-        found[text] = Prediction(
-            text,
-            float(a[0]),
-            float(b[0]),
-            spread=spread if len(a) > 1 else None,  # type: ignore[arg-type]
-            unlike=bool(unlike[start]),
+    def _check(self, photos: bool) -> None:
+        """Looks for all files at once; a head that cannot have depth here gives words alone."""
+        describes = photos and (
+            (self.head is not None and not self.texts) or self.models.segments is not None
         )
-    return [replace(found[text], notes=[]) for text in captions]
+        runs = photos and self.models.relative is None
+        try:
+            needs.check(
+                self.about,
+                self.models,
+                caption=describes,
+                encoder=self.head is not None,
+                depth=runs,
+            )
+        except UsageError as error:
+            if self.hints or self.models.depth_model is not None:
+                raise
+            self.without_depth = str(error).removeprefix("predict: ")
+            needs.check(self.about, self.models, caption=describes, encoder=True, depth=False)
+
+    def _of_texts(self) -> list[Prediction]:
+        if self.head is None:
+            assert self.models.relative is not None
+            return [Prediction(None, name=self.models.relative.name)]
+        return from_captions(self.head, self.texts, encoder=self.encode)
+
+    def _described(
+        self, photos: list[Photo]
+    ) -> "Iterator[tuple[Photo, Segments | None, Prediction]]":
+        look = _PerRoot(lambda root: describer(self.about, root, self.models))
+        wants = (self.head is not None and not self.texts) or self.models.segments is not None
+        for k, photo in enumerate(photos):
+            segments, text = None, self.texts[k % len(self.texts)] if self.texts else None
+            try:
+                if wants:
+                    segments, own = look(photo.root)(photo.name)
+                    text = text or own
+                p = Prediction(None)
+                if self.head is not None and text is not None:
+                    (p,) = from_captions(self.head, [text], encoder=self.encode)
+                p.name = photo.name
+                p.warnings += [photo.warning] if photo.warning else []
+                if segments is not None and not self.texts and not self.about.get("captions"):
+                    style = captions_of(self.about, self.models)["style"]
+                    if self.head is not None:
+                        p.notes.append(
+                            f"caption in the style {style}: the head does not say which texts it "
+                            "was trained on (--style chooses another)"
+                        )
+            except RsaDataError as error:
+                if isinstance(error, UsageError):
+                    raise
+                p = Prediction(text, name=photo.name, error=str(error))
+            yield photo, segments, p
+
+    def _smoothed(self, found: list[Any]) -> list[Any]:
+        good = [p for _, _, p in found if not p.error]
+        for name in ("scale", "shift") if good and self.head is not None else ():
+            values = np.array([getattr(p, name) for p in good])
+            for p, value in zip(good, known_depth.smooth(values, self.hints.smooth), strict=True):
+                setattr(p, name, float(value))
+        return found
+
+    def _finish(
+        self, photo: Photo, segments: "Segments | None", p: Prediction, source: Any
+    ) -> None:
+        """Adds image, camera, depth and distances."""
+        from ...datasets.images import read_image
+
+        try:
+            p.image = read_image(photo.path)
+        except RowError as error:
+            raise RsaDataError(str(error)) from error
+        height, width = p.image.shape[:2]
+        p.camera = camera_of(photo.path, width, height, self.view)
+        if self.without_depth:
+            p.warnings.append(f"no depth: {self.without_depth}")
+        else:
+            self._measure(p, relative_map(source, photo.name, (height, width)))
+        if segments is not None:
+            p.objects = seen(segments, p.depth)
+
+    def _with_map(self, p: Prediction) -> Prediction:
+        """Depth of a map without its photo."""
+        y = relative_map(relative_source(self.about, Path(), self.models), p.name, None)
+        p.camera = camera_of(None, y.shape[1], y.shape[0], self.view)
+        self._measure(p, y)
+        return p
+
+    def _measure(self, p: Prediction, y: np.ndarray) -> None:
+        at, metres = known_depth.points(y, self.hints.known)
+        if self.hints.range:
+            ends = known_depth.ends(y, self.hints.range)
+            at, metres = np.concatenate([at, ends[0]]), np.concatenate([metres, ends[1]])
+        if self.head is None:
+            found = known_depth.fit(at, metres)
+            holes = float(np.mean(to_metric(y, found.scale, found.shift) == np.inf))
+            if found.shift < 0 and holes > _HOLES and (at > 0).all():
+                why = (
+                    f"a shift below 0 would leave {holes:.0%} of the pixels without a finite depth"
+                )
+                found = known_depth.without_shift(found, at, metres, f"{why}: it is held at 0")
+            p.scale, p.shift = found.scale, found.shift
+            p.notes += known_depth.told(found, metres)
+            p.warnings += [found.assumption] if found.assumption else []
+        elif len(at):
+            p.notes.append(f"from words alone: scale {p.scale:.6g}, shift {p.shift:.6g}")
+            prior = self.about.get("prior")
+            p.scale, p.shift = known_depth.refine(p.scale, p.shift, at, metres, prior)
+        p.depth = to_metric(y, p.scale, p.shift)
+        blank, beyond = float(np.mean(np.isnan(p.depth))), float(np.mean(p.depth == np.inf))
+        if blank > _HOLES:
+            p.warnings.append(f"the depth model gives no depth for {blank:.0%} of the photo")
+        if beyond > _HOLES:
+            p.warnings.append(f"{beyond:.0%} of the photo has no finite depth")
 
 
-def _place(work: WorkDir, head: str) -> str:
-    if head.endswith((".pt", ".pth")) or (Path(head) / "head.json").is_file():
-        return head
-    return f"{work.store.location}/heads/{head}"
+class _PerRoot:
+    """What is made for the root of each photo, once for photos that follow each other."""
+
+    def __init__(self, make: Callable[[Path], Any]):
+        self.make = make
+        self.root: Path | None = None
+        self.made: Any = None
+
+    def __call__(self, root: Path) -> Any:
+        if root != self.root:
+            self.root, self.made = root, self.make(root)
+        return self.made
 
 
 def _lines(path: Path | None) -> list[str]:
@@ -211,23 +272,3 @@ def _lines(path: Path | None) -> list[str]:
             f"--captions {path}: expected UTF-8 text, a caption a line: {error}"
         ) from error
     return [line.strip() for line in lines if line.strip()]
-
-
-def _smooth(found: list[Prediction], frames: int) -> None:
-    for name in ("scale", "shift"):
-        values = known_depth.smooth(np.array([getattr(p, name) for p in found]), frames)
-        for p, value in zip(found, values, strict=True):
-            setattr(p, name, float(value))
-
-
-def _correct(
-    p: Prediction, y: np.ndarray, known: Sequence[str], near_far: str | None, prior: Any
-) -> None:
-    """Refines a prediction by known points and range, and notes it."""
-    at, metres = known_depth.points(y, known)
-    if near_far:
-        ends = known_depth.ends(y, near_far)
-        at, metres = np.concatenate([at, ends[0]]), np.concatenate([metres, ends[1]])
-    if len(at):
-        p.notes.append(f"from words alone: scale {p.scale:.6g}, shift {p.shift:.6g}")
-        p.scale, p.shift = known_depth.refine(p.scale, p.shift, at, metres, prior)

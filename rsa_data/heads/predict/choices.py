@@ -1,0 +1,63 @@
+"""What a prediction can be given besides photos and a head: options that belong together."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Models:
+    """The models that look at a photo, and their files.
+
+    segments : what finds the objects; see `rsa-data list segmenters`. By default the model that the
+        head was trained with.
+    segmenter_weights : file of the segmenter's weights, instead of the download.
+    card : model card (TOML) of a segmenter of your own.
+    style : wording of the caption, by default that of the head's training captions; see
+        `rsa-data list styles`.
+    encoder_weights : file of the text encoder's weights, instead of the download.
+    depth_model : relative-depth model, by default that of the head; see
+        `rsa-data list depth-models`.
+    depth_weights : file of the depth model's weights, instead of the download.
+    relative : relative depth instead of a model's: .npy or 16-bit PNG (value / 65535), or a folder
+        of maps named like the photos.
+    """
+
+    segments: str | None = None
+    segmenter_weights: Path | None = None
+    card: Path | None = None
+    style: str | None = None
+    encoder_weights: Path | None = None
+    depth_model: str | None = None
+    depth_weights: Path | None = None
+    relative: Path | None = None
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What is known of the scene, or of the frames around.
+
+    known : a point of known depth as u,v,metres (pixel column, pixel row); may be repeated. With a
+        head the prediction is corrected by it, without one the points alone give the depth.
+    range : depth of the nearest and of the farthest part as near,far in metres; used like two
+        points.
+    smooth : number of consecutive frames over which scale and shift are averaged.
+    """
+
+    known: tuple[str, ...] = ()
+    range: str | None = None
+    smooth: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.known or self.range)
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera, where the photo does not say it in its EXIF data.
+
+    intrinsics : fx,fy,cx,cy in px of the photo.
+    fov : horizontal field of view in degrees.
+    """
+
+    intrinsics: str | None = None
+    fov: float | None = None

@@ -1,0 +1,115 @@
+"""What a prediction is, as a person reads it and as JSON."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .camera import Camera
+from .objects import Seen
+
+UNLIKE = (
+    "unlike anything the head was trained on; do not trust this without a known point "
+    "(--known u,v,metres)"
+)
+
+
+@dataclass
+class Prediction:
+    """Scale and shift of a photo or a caption, and what follows from them.
+
+    scale, shift : 1/m per unit of y, and 1/m; nan where there is an error.
+    name : of the photo or map, empty without one. caption : None without a head.
+    spread : lowest and highest scale and shift over the caption's paraphrases, or None.
+    unlike : the caption is farther from the training captions than 99% of those held out.
+    notes : how the numbers came about. warnings : what may be wrong with them.
+    depth : float32 (h, w), m, or None. image : uint8 (h, w, 3), RGB, or None.
+    objects : largest first. files : what was written. error : why this photo has no prediction.
+    """
+
+    caption: str | None
+    scale: float = float("nan")
+    shift: float = float("nan")
+    name: str = ""
+    spread: tuple[float, float, float, float] | None = None
+    unlike: bool = False
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    depth: np.ndarray | None = None
+    image: np.ndarray | None = None
+    camera: Camera | None = None
+    objects: list[Seen] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
+    error: str = ""
+
+    def copy(self) -> "Prediction":
+        """Another one with lists of its own."""
+        return replace(self, notes=[*self.notes], warnings=[*self.warnings], objects=[], files=[])
+
+    @property
+    def range(self) -> tuple[float, float, float] | None:
+        """Nearest, median and farthest depth, m, of the pixels that have one."""
+        if self.depth is None:
+            return None
+        good = self.depth[np.isfinite(self.depth) & (self.depth > 0)]
+        return (float(good.min()), float(np.median(good)), float(good.max())) if len(good) else None
+
+    @property
+    def lines(self) -> list[str]:
+        """What a person reads of it."""
+        if self.error:
+            return [f"{self.name}: {self.error}"]
+        shown = self.name or repr(self.caption)
+        lines = [f"scale {self.scale:.6g}  shift {self.shift:.6g}  {shown}"]
+        if self.name and self.caption is not None:
+            lines.append(f"  {self.caption!r}")
+        if self.spread:
+            a, b, c, d = self.spread
+            lines.append(
+                f"  over its paraphrases: scale {a:.4g} to {b:.4g}, shift {c:.4g} to {d:.4g}"
+            )
+        lines += [f"  warning: {text}" for text in self.all_warnings]
+        lines += [f"  {note}" for note in self.notes]
+        if found := self.range:
+            near, middle, far = found
+            lines.append(
+                f"  depth: nearest {near:.2f} m, median {middle:.2f} m, farthest {far:.2f} m"
+            )
+        lines += [f"  {one.line}" for one in self.objects]
+        if self.camera is not None:
+            lines.append(
+                f"  camera: {self.camera.source}, horizontal field of view "
+                f"{self.camera.view:.1f} degrees"
+            )
+        return lines + [f"  wrote {path}" for path in self.files]
+
+    @property
+    def all_warnings(self) -> list[str]:
+        """What may be wrong, that the caption is unlike the training captions among it."""
+        return [*([UNLIKE] if self.unlike else []), *self.warnings]
+
+    def plain(self) -> dict[str, Any]:
+        """The same as values of JSON: null where something is not known."""
+        found = self.range
+        said: dict[str, Any] = {
+            "image": self.name or None,
+            "caption": self.caption,
+            "scale": _number(self.scale),
+            "shift": _number(self.shift),
+            "depth": None
+            if found is None
+            else dict(zip(("min", "median", "max"), map(_number, found), strict=True)),
+            "objects": [
+                {"label": o.label, "area": _number(o.area), "distance": _number(o.distance)}
+                for o in self.objects
+            ],
+            "warnings": self.all_warnings,
+            "files": [str(path) for path in self.files],
+        }
+        return said | ({"error": self.error} if self.error else {})
+
+
+def _number(value: float | None) -> float | None:
+    """Six digits, as many as float32 has; None where it is not finite."""
+    return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")

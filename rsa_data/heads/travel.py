@@ -1,0 +1,154 @@
+"""Heads that travel: export-head, and heads from files and addresses.
+
+A head is written as one safetensors file, whose metadata holds head.json and the model card, or as
+a folder of head.safetensors, head.json and README.md, as a repository of the Hugging Face hub. Both
+are data: tensors, JSON and Markdown. The architecture is a name of the registry.
+"""
+
+import hashlib
+import json
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..common.errors import RsaDataError, UsageError
+from ..common import http
+from ..common.files import write
+from ..common.model_files import download
+from ..store.tables import WorkDir, to_json
+from .card import model_card
+
+if TYPE_CHECKING:
+    from .checkpoint import ScaleHead
+
+MAX_BYTES = 512_000_000
+_JSON, _CARD = "head.json", "README.md"
+
+
+def export_head(work: WorkDir, name: str, place: Path) -> list[Path]:
+    """Writes a head of the work dir to take elsewhere, with its model card.
+
+    place : a file NAME.safetensors, or else a folder.
+    Returns the files written. Raises RsaDataError when there is no such head, or the place is
+    taken by something else.
+    """
+    from safetensors.torch import load, save
+
+    from .checkpoint import ScaleHead
+
+    folder = f"{work.store.location}/heads/{name}"
+    head = ScaleHead.load(folder)
+    data = work.store.read(f"heads/{name}/head.safetensors") or b""
+    about = {**head.description, "weights": hashlib.sha256(data).hexdigest()}
+    card = model_card(name, about, work)
+    if place.suffix == ".safetensors":
+        metadata = {_JSON: json.dumps(about), _CARD: card}
+        return _write({place: save(load(data), metadata)})
+    if place.exists() and not place.is_dir():
+        raise UsageError(f"{place}: expected a new folder, or a name that ends in .safetensors")
+    files = {"head.safetensors": data, _CARD: card.encode(), _JSON: to_json(about)}
+    return _write({place / file: content for file, content in files.items()})
+
+
+def _write(files: dict[Path, bytes]) -> list[Path]:
+    for path, data in files.items():
+        try:
+            write(path, data)
+        except OSError as error:
+            raise RsaDataError(f"{path}: cannot be written: {error.strerror or error}") from error
+    return list(files)
+
+
+def from_file(path: Path) -> "ScaleHead":
+    """A head from a file that `export_head` wrote, or from a released RSA checkpoint."""
+    from .released import read_released
+
+    try:
+        if (size := path.stat().st_size) > MAX_BYTES:
+            raise RsaDataError(f"{path}: expected a head of at most {MAX_BYTES:,} bytes: {size:,}")
+        with path.open("rb") as file:
+            start = file.read(9)
+    except OSError as error:
+        raise RsaDataError(f"{path}: cannot be read: {error.strerror or error}") from error
+    # safetensors begins with the length of its JSON header; a PyTorch file is a ZIP or a pickle.
+    if start[8:9] != b"{":
+        return read_released(path)
+    return _from_bytes(path.read_bytes(), str(path))
+
+
+def _from_bytes(data: bytes, where: str) -> "ScaleHead":
+    from safetensors import SafetensorError
+    from safetensors.torch import load
+
+    from .checkpoint import ScaleHead
+    from .description import parse
+
+    try:
+        tensors = load(data)
+        length = int.from_bytes(data[:8], "little")
+        metadata = json.loads(data[8 : 8 + length]).get("__metadata__") or {}
+    except (SafetensorError, ValueError, RecursionError) as error:
+        raise RsaDataError(f"{where}: expected a head as safetensors; found: {error}") from error
+    if _JSON not in metadata:
+        raise RsaDataError(
+            f"{where}: expected a file of `rsa-data export-head`; its metadata holds no {_JSON}"
+        )
+    about = checked(parse(metadata[_JSON].encode(), where), where)
+    # The digest in it is that of head.safetensors, whose header is another one.
+    about.pop("weights", None)
+    return ScaleHead.from_tensors(tensors, about)
+
+
+def checked(about: dict[str, Any], where: str) -> dict[str, Any]:
+    """A description from elsewhere; its architecture must be one of the registry's own names."""
+    from ..registry import HEADS
+
+    name = about["architecture"]["name"]
+    if name not in HEADS:
+        raise RsaDataError(
+            f"{where}: expected an architecture of this version; found {name!r}. Code is never "
+            "loaded because a file asks for it"
+        )
+    return about
+
+
+def from_address(address: str) -> "ScaleHead":
+    """A head from https://..., a file of `export-head`, or hf://OWNER/NAME[@REVISION]."""
+    from urllib3.exceptions import HTTPError
+
+    kind, _, rest = address.partition("://")
+    if kind == "hf":
+        return _from_hub(rest)
+    if kind not in ("https", "http"):
+        raise UsageError(f"--head {address}: expected https://... or hf://OWNER/NAME")
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            file = download(address, Path(folder) / "head", most=MAX_BYTES, where="--head")
+        except (OSError, ValueError, HTTPError) as error:
+            told = f"--head {address}: cannot be fetched: {http.reason(error)}"
+            raise RsaDataError(told) from error
+        return from_file(file)
+
+
+def _from_hub(rest: str) -> "ScaleHead":
+    from huggingface_hub import hf_hub_download
+
+    from .checkpoint import ScaleHead
+    from .description import parse
+
+    name, _, revision = rest.partition("@")
+    if name.count("/") != 1 or not all(name.split("/")):
+        raise UsageError(
+            f"--head hf://{rest}: expected hf://OWNER/NAME or hf://OWNER/NAME@REVISION"
+        )
+    try:
+        paths = {
+            file: Path(hf_hub_download(name, file, revision=revision or None))
+            for file in ("head.json", "head.safetensors")
+        }
+    # Hub and network libraries raise errors of many kinds.
+    except Exception as error:
+        reason = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise RsaDataError(f"--head hf://{rest}: cannot be fetched: {reason}") from error
+    checked(parse(paths["head.json"].read_bytes(), f"hf://{rest}/head.json"), f"hf://{rest}")
+    return ScaleHead.load(paths["head.json"].parent)

@@ -1,0 +1,135 @@
+"""Which files a prediction is written to, and writing them."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...common.errors import RsaDataError, UsageError
+from ...heads.predict.prediction import Prediction
+from . import maps, space
+
+KINDS = (".npy", ".png", ".ply", ".glb")
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What is written of each photo.
+
+    out : a file NAME.npy (m), .png (16 bits, mm), .ply (coloured points) or .glb (textured mesh);
+        any other name is a folder with one depth file for each photo.
+    kind : of the depth files in that folder.
+    colours : also write a picture of the depth in colours, with a bar in metres.
+    ply : also write coloured points.
+    glb : also write a textured mesh, cut where the depth jumps.
+    """
+
+    out: Path | None = None
+    kind: Literal["npy", "png", "ply", "glb"] = "npy"
+    colours: bool = False
+    ply: bool = False
+    glb: bool = False
+
+    def __bool__(self) -> bool:
+        return self.out is not None or self.colours or self.ply or self.glb
+
+    @property
+    def is_file(self) -> bool:
+        """Whether `out` is the depth file itself."""
+        return self.out is not None and self.out.suffix.lower() in KINDS
+
+
+class Writer:
+    """Writes the files of one photo after the other; no two photos share a file."""
+
+    def __init__(self, outputs: Outputs):
+        self.outputs = outputs
+        self.taken: Counter[Path] = Counter()
+
+    def write(self, p: Prediction) -> None:
+        """Writes what was asked for, and names it in `p.files`.
+
+        Raises UsageError when one file is asked for several photos, RsaDataError when it cannot be
+        written.
+        """
+        if not self.outputs or p.error:
+            return
+        if p.depth is None:
+            raise RsaDataError(f"{p.name or 'predict'}: there is no depth to write")
+        stem, files = self._stem(p), {}
+        if self.outputs.out is not None:
+            kind = self.outputs.out.suffix.lower() if self.outputs.is_file else None
+            files[_named(stem, kind or f".{self.outputs.kind}")] = kind or f".{self.outputs.kind}"
+        if self.outputs.colours:
+            files[stem.with_name(f"{stem.name}-colours.png")] = "colours"
+        for kind, wanted in ((".ply", self.outputs.ply), (".glb", self.outputs.glb)):
+            if wanted:
+                files[_named(stem, kind)] = kind
+        for path, kind in files.items():
+            _save(path, _content(p, p.depth, kind, path))
+            p.files.append(path)
+
+    def _stem(self, p: Prediction) -> Path:
+        """Path of the files without their ending."""
+        out = self.outputs.out
+        if out is not None and self.outputs.is_file:
+            self.taken[out] += 1
+            if self.taken[out] > 1:
+                raise UsageError(
+                    f"--out {out}: one file for several photos: name a folder, without an ending"
+                )
+            return out.with_suffix("")
+        name = Path(p.name or "depth")
+        stem = (out or Path()) / name.with_suffix("")
+        self.taken[stem] += 1
+        # a.jpg and a.png: the second one keeps its ending.
+        if self.taken[stem] > 1:
+            stem = (out or Path()) / name
+            self.taken[stem] += 1
+            if self.taken[stem] > 1:
+                stem = stem.with_name(f"{stem.name}-{self.taken[stem]}")
+        return stem
+
+
+def _named(stem: Path, ending: str) -> Path:
+    """`a.jpg.npy` of the stem a.jpg: dots in names stay."""
+    return stem.with_name(stem.name + ending)
+
+
+def check(outputs: Outputs, several: bool) -> None:
+    """Raises UsageError, before anything runs, for a file that several photos would share."""
+    if outputs.is_file and several:
+        raise UsageError(
+            f"--out {outputs.out}: one file for several photos: name a folder, without an ending"
+        )
+
+
+def _content(p: Prediction, depth: np.ndarray, kind: str, path: Path) -> bytes:
+    if kind == ".npy":
+        return maps.npy(depth)
+    if kind == ".png":
+        return maps.png(depth)
+    if kind == "colours":
+        return maps.picture(maps.coloured(depth))
+    assert p.camera is not None
+    camera = p.camera.at(depth.shape[1], depth.shape[0])
+    if kind == ".ply":
+        return space.ply(depth, camera, p.image)
+    if p.image is None:
+        raise UsageError(f"{path}: a textured mesh needs the photo, not its relative depth alone")
+    try:
+        return space.glb(depth, camera, p.image)
+    except ValueError as error:
+        raise RsaDataError(f"{path}: {error}") from error
+
+
+def _save(path: Path, data: bytes) -> None:
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_bytes(data)
+        beside.replace(path)
+    except OSError as error:
+        raise RsaDataError(f"{path}: cannot be written: {error.strerror or error}") from error
