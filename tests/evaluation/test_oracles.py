@@ -108,7 +108,7 @@ def test_oracles_on_real_frames_equal_scipy(shared, image, depth, unit, far):
     source = build(
         name="tu2020",
         root=root,
-        depth_weights=shared / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
+        weights=shared / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
         geometry=None,
         crop="none",
         threads=1,

@@ -6,19 +6,31 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-import scipy.optimize
 import torch
 from click.testing import CliRunner
-from rsa_data.heads.predict.outputs import write_depth
 
+from rsa_data.cli.main import cli
+from rsa_data.common import options as binding
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.checkpoint import ScaleHead, build_network
-from rsa_data.heads.predict import known_depth
 from rsa_data.heads.predict.images import paraphrases
-from rsa_data.heads.predict.predict import predict
+from rsa_data.heads.predict.predict import predict as predict_function
 from rsa_data.store.tables import WorkDir
 
 CAPTION = "a small bathroom with a sink, a mirror and a towel"
+
+
+def predict(work, *photos, **options):
+    """The predictions of a call, its options flat as on the command line."""
+    return list(binding.call(predict_function, work, photos, **options))
+
+
+def run(work, *words):
+    """The command, its words as text."""
+    done = CliRunner().invoke(cli, ["predict", *map(str, words), "--work", work.store.location])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        assert isinstance(done.exception, RsaDataError), done.exception
+    return done
 
 
 @pytest.fixture
@@ -49,87 +61,158 @@ def y(tmp_path) -> np.ndarray:
 
 
 def test_a_caption_gives_scale_shift_their_spread_and_a_warning(work):
-    found = predict(work, caption=(CAPTION,))
-    (p,) = found.predictions
+    (p,) = predict(work, caption=(CAPTION,))
     scale, shift = ScaleHead.load(work.store.folder / "heads/head").predict([CAPTION])
     np.testing.assert_allclose([p.scale, p.shift], [scale[0], shift[0]], rtol=1e-5)
     assert p.spread is not None and p.spread[0] < p.spread[1]
-    assert p.unlike and "unlike anything the head was trained on" in found.summary
-    assert f"scale {p.scale:.6g}" in found.summary
+    assert p.unlike and any("unlike anything the head was trained on" in w for w in p.all_warnings)
+    assert p.lines[0].startswith(f"scale {p.scale:.6g}  shift {p.shift:.6g}  ")
 
 
 def test_a_file_of_captions_gives_one_prediction_a_line(work, tmp_path):
     (tmp_path / "captions.txt").write_text("a kitchen\n\na street with cars\n")
     found = predict(work, captions=tmp_path / "captions.txt")
-    assert [p.caption for p in found.predictions] == ["a kitchen", "a street with cars"]
+    assert [p.caption for p in found] == ["a kitchen", "a street with cars"]
 
 
 def test_relative_depth_becomes_metric_depth(work, y, tmp_path):
     out = tmp_path / "new" / "depth.npy"
-    (p,) = predict(work, caption=("a kitchen",), relative=tmp_path / "y.npy", out=out).predictions
-    np.testing.assert_allclose(np.load(out), 1 / (p.scale * y + p.shift), rtol=1e-6)
-    assert p.written == out
+    relative = tmp_path / "y.npy"
+    (p,) = predict(work, caption=("a kitchen",), relative=relative)
+    np.testing.assert_allclose(p.depth, 1 / (p.scale * y + p.shift), rtol=1e-6)
+    done = run(work, "--caption", "a kitchen", "--relative", relative, "--out", out)
+    assert done.exit_code == 0 and f"wrote {out}" in done.output
+    np.testing.assert_array_equal(np.load(out), p.depth)
 
 
-def test_a_folder_of_images_takes_one_description_and_a_map_each(work, tmp_path):
+def frames_with_maps(tmp_path, names=("0.png", "1.png", "2.png")):
+    """Folders of photos and of their relative depth."""
     frames, maps = tmp_path / "frames", tmp_path / "maps"
     frames.mkdir(), maps.mkdir()
-    for i in range(3):
-        cv2.imwrite(str(frames / f"{i}.png"), np.full((4, 5, 3), i, np.uint8))
-        np.save(maps / f"{i}.npy", np.full((4, 5), 1.0 + i, np.float32))
-    found = predict(
-        work, caption=("a kitchen",), image=frames, relative=maps, out=tmp_path / "o", kind="png"
-    ).predictions
-    assert [p.name for p in found] == ["0.png", "1.png", "2.png"]
-    assert len({p.scale for p in found}) == 1
+    for i, name in enumerate(names):
+        cv2.imwrite(str(frames / name), np.full((4, 5, 3), i, np.uint8))
+        np.save(maps / f"{name.partition('.')[0]}.npy", np.full((4, 5), i + 1, np.float32))
+    return frames, maps
+
+
+def test_a_folder_of_photos_takes_one_description_and_a_map_each(work, tmp_path):
+    frames, maps = frames_with_maps(tmp_path)
+    words = ("--caption", "a kitchen", "--relative", maps, "--out", tmp_path / "o", "--kind", "png")
+    done = run(work, frames, *words, "--json")
+    found = json.loads(done.stdout)
+    assert [p["image"] for p in found] == ["0.png", "1.png", "2.png"]
+    assert len({p["scale"] for p in found}) == 1
     depth = cv2.imread(str(tmp_path / "o/2.png"), cv2.IMREAD_UNCHANGED)
     assert depth.dtype == np.uint16
-    expected = 1000 / (found[2].scale * 3 + found[2].shift)
-    np.testing.assert_allclose(depth, expected, atol=0.5)
+    expected = 1000 / (found[2]["scale"] * 3 + found[2]["shift"])
+    np.testing.assert_allclose(depth, expected, atol=1)
+
+
+def test_frames_come_in_natural_order_without_hidden_files(work, tmp_path):
+    frames, maps = frames_with_maps(tmp_path, ("f10.png", "f2.png", "f1.png"))
+    (frames / "._f1.png").write_bytes(b"Mac OS X")
+    found = predict(work, frames, caption=("a kitchen",), relative=maps)
+    assert [p.name for p in found] == ["f1.png", "f2.png", "f10.png"]
+
+
+def test_two_photos_of_one_stem_get_a_file_each(work, tmp_path):
+    frames, maps = frames_with_maps(tmp_path, ("a.jpg", "a.png"))
+    out = tmp_path / "o"
+    assert run(work, frames, "--caption", "x", "--relative", maps, "--out", out).exit_code == 0
+    assert sorted(f.name for f in out.iterdir()) == ["a.npy", "a.png.npy"]
+
+
+def test_a_broken_photo_is_named_and_the_others_are_done(work, tmp_path):
+    frames, maps = frames_with_maps(tmp_path)
+    (frames / "1.png").write_bytes((frames / "1.png").read_bytes()[:40])
+    out = tmp_path / "o"
+    done = run(work, frames, "--caption", "x", "--relative", maps, "--out", out)
+    assert done.exit_code == 1 and str(done.exception) == "1 photo could not be processed"
+    assert "1.png: unreadable PNG" in done.stderr
+    assert sorted(f.name for f in out.iterdir()) == ["0.npy", "2.npy"]
+    said = json.loads(run(work, frames, "--caption", "x", "--relative", maps, "--json").stdout)
+    assert ["error" in p for p in said] == [False, True, False]
+
+
+def test_a_video_is_a_folder_of_frames(work, tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 5, (32, 24))
+    for k in range(3):
+        writer.write(np.full((24, 32, 3), 60 * k, np.uint8))
+    writer.release()
+    (tmp_path / "maps" / "v.avi").mkdir(parents=True)
+    for k in (1, 2, 3):
+        np.save(tmp_path / f"maps/v.avi/{k:06d}.npy", np.full((24, 32), k, np.float32))
+    found = predict(work, tmp_path / "v.avi", caption=("a",), relative=tmp_path / "maps")
+    assert [p.name for p in found] == [f"v.avi/{k:06d}.png" for k in (1, 2, 3)]
+    assert not any(p.error for p in found)
+    (tmp_path / "no.mp4").write_bytes(b"no video")
+    with pytest.raises(RsaDataError, match="expected a video"):
+        predict(work, tmp_path / "no.mp4", caption=("a",), relative=tmp_path / "maps")
+
+
+def test_known_distances_need_no_head_and_no_work_dir(tmp_path, monkeypatch):
+    """y of another scale and shift, exact: three points give the depth everywhere, one a scale."""
+    monkeypatch.chdir(tmp_path)
+    truth = np.random.default_rng(0).uniform(0.5, 9, (30, 40)).astype(np.float32)
+    np.save("y.npy", (1 / truth - 0.03) * 17)
+    points = [f"{u},{v},{truth[v, u]}" for u, v in ((3, 2), (20, 25), (39, 29))]
+    words = [word for point in points for word in ("--known", point)]
+    work = WorkDir(tmp_path / "none")
+    done = run(work, "--relative", "y.npy", *words, "--out", "d.npy")
+    assert done.exit_code == 0, done.output
+    np.testing.assert_allclose(np.load("d.npy"), truth, rtol=0.01)
+    assert not (tmp_path / "none").exists()
+    (p,) = predict(work, relative=tmp_path / "y.npy", known=points[:1])
+    assert p.depth[2, 3] == pytest.approx(truth[2, 3], rel=1e-5) and p.shift == 0
+    assert "the shift is assumed to be 0" in p.warnings[0]
 
 
 def test_a_known_point_pulls_the_prediction_to_it(work, y, tmp_path):
     relative = {"caption": ("a kitchen",), "relative": tmp_path / "y.npy"}
-    (words,) = predict(work, **relative).predictions
+    (words,) = predict(work, **relative)
     before = 1 / (words.scale * y[2, 3] + words.shift)
-    (p,) = predict(work, **relative, known=(f"3,2,{2 * before}",)).predictions
+    (p,) = predict(work, **relative, known=(f"3,2,{2 * before}",))
     after = 1 / (p.scale * y[2, 3] + p.shift)
     assert before < after < 2 * before and after > 1.8 * before
     assert "from words alone" in p.notes[0]
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("words", "message"),
     [
-        ({}, "expected --caption TEXT, --captions FILE or --image PLACE"),
-        ({"caption": ("a",), "out": "x.npy"}, "need --relative or --image"),
-        ({"caption": ("a",), "known": ("1,1,x",)}, "expected u,v,metres; found '1,1,x'"),
-        ({"caption": ("a",), "known": ("8,1,2",)}, "expected a pixel of the relative depth, 8 x 6"),
-        ({"caption": ("a",), "known": ("1,1,-2",)}, "expected depths above 0 m"),
-        ({"caption": ("a",), "range": "5,2"}, "expected 0 < near < far"),
-        ({"caption": ("a",), "range": "5"}, "expected near,far in metres"),
-        ({"caption": ("a", "b"), "out": "x.npy"}, "without --image take one --caption"),
-        ({"caption": ("a",), "image": "nowhere"}, "expected an image or a folder"),
-        ({"caption": ("a",), "out": "x.ply"}, "needs the camera: --intrinsics"),
-        ({"caption": ("a",), "out": "x.ply", "intrinsics": "1,2"}, "expected fx,fy,cx,cy"),
-        ({"caption": ("a",), "out": "x.jpg"}, "expected a name ending in .npy, .png, .ply"),
+        ("", "expected photos, --caption TEXT or --captions FILE"),
+        ("--caption a --out x.npy", "there is no depth to write"),
+        ("--caption a --known 1,1,2", "need a photo or --relative"),
+        ("--caption a --relative y.npy --known 1,1,x", "expected u,v,metres; found '1,1,x'"),
+        ("--caption a --relative y.npy --known 8,1,2", "expected a pixel of the relative depth"),
+        ("--caption a --relative y.npy --known 1,1,-2", "expected depths above 0 m"),
+        ("--caption a --relative y.npy --range 5,2", "expected 0 < near < far"),
+        ("--caption a --relative y.npy --range 5", "expected near,far in metres"),
+        ("--caption a --caption b --relative y.npy", "without photos take one --caption"),
+        ("nowhere --caption a", "expected an image, a video or a folder; there is none"),
+        ("--caption a --relative y.npy --intrinsics 1,2", "expected fx,fy,cx,cy"),
+        ("--caption a --relative y.npy --fov 200", "expected 1 to 179 degrees"),
+        ("--caption a --relative y.npy --out x.glb", "a textured mesh needs the photo"),
+        ("a.png a.png --caption a --relative y.npy --out x.npy", "one file for several photos"),
+        ("--caption a --head hed", "Did you mean 'head'"),
+        ("--caption a --head no/such", "there is no such file or folder"),
+        ("--caption a --head ftp://x/y", "expected https://... or hf://OWNER/NAME"),
+        ("a.png --caption a --depth-model tu2020", "came from files: give the photos' own"),
+        ("--relative y.npy --known 1,1,2 --known 1,1,2", "the same at all points"),
+        ("--relative y.npy --known 1,1,2 --head head", "a head needs a photo or a --caption"),
     ],
-    ids=lambda value: "" if isinstance(value, str) else " ".join(value) or "nothing",
 )
-def test_calls_that_do_not_add_up_are_refused(work, y, tmp_path, options, message):
-    given = {k: tmp_path / v if k in ("out", "image") else v for k, v in options.items()}
-    if "out" not in given or ".np" not in str(given["out"]) or len(given["caption"]) > 1:
-        given |= {"relative": tmp_path / "y.npy"} if given else {}
-    with pytest.raises(UsageError, match=message):
-        predict(work, **given)
+def test_calls_that_do_not_add_up_are_refused(work, y, tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("a.png", np.zeros((6, 8, 3), np.uint8))
+    done = run(work, *words.split())
+    assert done.exit_code != 0 and message in f"{done.output}{done.exception}"
 
 
 def test_maps_that_cannot_be_read_say_which(work, tmp_path):
     (tmp_path / "bad.npy").write_bytes(b"no")
-    with pytest.raises(RsaDataError, match=r"bad.npy: not a readable"):
-        predict(work, caption=("a",), relative=tmp_path / "bad.npy", out=tmp_path / "x.npy")
-    with pytest.raises(RsaDataError, match=r"no head\.json"):
-        predict(work, head="other", caption=("a",))
+    with pytest.raises(RsaDataError, match=r"bad.npy: unreadable"):
+        predict(work, caption=("a",), relative=tmp_path / "bad.npy")
 
 
 def test_paraphrases_hold_the_same_objects():
@@ -142,80 +225,6 @@ def test_paraphrases_hold_the_same_objects():
     assert paraphrases("An image.") == paraphrases("a room with a bed") == []
 
 
-def cost(pair, scale, shift, y, metres, prior, error):
-    a, b = pair
-    both = prior["correlation"] * prior["scale"] * prior["shift"]
-    covariance = np.array([[prior["scale"] ** 2, both], [both, prior["shift"] ** 2]])
-    e = np.array([(a - scale) / scale, (b - shift) / shift])
-    points = ((a * y + b - 1 / metres) * metres / error) ** 2
-    return points.sum() + e @ np.linalg.solve(covariance, e)
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 5])
-@pytest.mark.parametrize("correlation", [0.0, -0.7])
-def test_refine_minimises_its_cost(count, correlation):
-    rng = np.random.default_rng(count)
-    y, metres = rng.uniform(1, 9, count), rng.uniform(1, 9, count)
-    prior = {"scale": 0.2, "shift": 0.4, "correlation": correlation}
-    found = known_depth.refine(0.03, 0.2, y, metres, prior, 0.1)
-    best = scipy.optimize.minimize(
-        cost,
-        (0.03, 0.2),
-        (0.03, 0.2, y, metres, prior, 0.1),
-        bounds=[(0, None)] * 2,
-        method="Powell",
-        options={"xtol": 1e-10, "ftol": 1e-14, "maxiter": 10000},
-    )
-    at = cost(found, 0.03, 0.2, y, metres, prior, 0.1)
-    assert at <= best.fun * (1 + 1e-6) + 1e-12
-    if count == 0:
-        np.testing.assert_allclose(found, (0.03, 0.2), rtol=1e-9)
-
-
-def test_more_points_help_more():
-    rng = np.random.default_rng(0)
-    true_scale, true_shift = 0.05, 0.15
-    errors = []
-    for count in (0, 1, 2, 5, 50):
-        y = rng.uniform(0, 10, count)
-        found = known_depth.refine(0.09, 0.08, y, 1 / (true_scale * y + true_shift))
-        grid = np.linspace(0, 10, 50)
-        true = 1 / (true_scale * grid + true_shift)
-        errors.append(np.mean(np.abs(1 / (found[0] * grid + found[1]) - true) / true))
-    assert errors == sorted(errors, reverse=True) and errors[-1] < 0.01
-
-
-def test_a_range_uses_the_ends_of_the_map():
-    y = np.linspace(0, 10, 1001).reshape(7, 143).astype(np.float32)
-    y[0, 0] = np.nan
-    at, metres = known_depth.ends(y, "1.5,6")
-    np.testing.assert_allclose(at, [9.9, 0.1], atol=0.02)
-    assert metres.tolist() == [1.5, 6.0]
-
-
-def test_smoothing_is_a_geometric_mean_of_the_frames_around():
-    found = known_depth.smooth(np.array([1.0, 4.0, 16.0, 1.0]), 3)
-    np.testing.assert_allclose(found, [2, 4, 4, 4], rtol=1e-6)
-
-
-def test_png_holds_millimetres(tmp_path):
-    write_depth(tmp_path / "d.png", np.array([[1.2344, np.inf], [np.nan, 70.0]], np.float32))
-    depth = cv2.imread(str(tmp_path / "d.png"), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(depth, np.array([[1234, 65535], [0, 65535]], np.uint16))
-
-
-def test_ply_holds_points_in_front_of_the_camera(tmp_path):
-    depth = np.array([[2.0, np.inf], [np.nan, 4.0]], np.float32)
-    colours = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
-    write_depth(tmp_path / "d.ply", depth, (2.0, 4.0, 0.5, 0.5), colours)
-    header, _, body = (tmp_path / "d.ply").read_bytes().partition(b"end_header\n")
-    assert b"element vertex 2" in header and b"property uchar red" in header
-    kind = [("xyz", "<f4", 3), ("rgb", "u1", 3)]
-    points = np.frombuffer(body, kind)
-    np.testing.assert_allclose(points["xyz"], [[-0.5, -0.25, 2.0], [1.0, 0.5, 4.0]])
-    assert points["rgb"].tolist() == [[0, 1, 2], [9, 10, 11]]
-
-
 def head_for_images(work: WorkDir) -> None:
     """The head of `work`, with the captions and the depth model of a real training."""
     path = work.store.folder / "heads/head/head.json"
@@ -226,22 +235,31 @@ def head_for_images(work: WorkDir) -> None:
     path.write_text(json.dumps(about))
 
 
-def test_an_image_is_described_by_a_detector_and_made_metric(work, shared, tmp_path):
+def real(shared) -> dict:
+    """Options that name the real models."""
+    return {
+        "segments": "yolox-nano",
+        "segmenter_weights": shared / "models" / "yolox_nano.onnx",
+        "depth_weights": shared / "models" / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
+    }
+
+
+def test_a_photo_is_described_by_a_detector_and_made_metric(work, shared, tmp_path):
     head_for_images(work)
     image = shared / "rgbd/misc/emsanet_rgb.png"
-    models = shared / "models"
-    (p,) = predict(
-        work,
-        image=image,
-        segments="yolox-nano",
-        segmenter_weights=models / "yolox_nano.onnx",
-        depth_weights=models / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
-        intrinsics="570,570,320,240",
-        out=tmp_path / "room.ply",
-    ).predictions
+    (p,) = predict(work, image, **real(shared), intrinsics="570,570,320,240")
     assert p.name == "emsanet_rgb.png" and "couch" in p.caption
-    header = (tmp_path / "room.ply").read_bytes().partition(b"end_header")[0]
-    assert int(header.split(b"element vertex ")[1].split()[0]) > 10_000
+    (couch,) = [seen for seen in p.objects if seen.label == "couch"]
+    # The central half of its box, whose size the area tells.
+    assert couch.over == "the central half of its box"
+    near, middle, far = p.range
+    assert near < couch.distance < far and near < middle < far
+    assert p.plain()["objects"][0] == {
+        "label": p.objects[0].label,
+        "area": pytest.approx(p.objects[0].area, rel=1e-5),
+        "distance": pytest.approx(p.objects[0].distance, rel=1e-5),
+    }
+    assert f"couch, {couch.area:.1%} of the image, {couch.distance:.2f} m" in "\n".join(p.lines)
 
 
 def test_a_folder_of_frames_is_smoothed_and_keeps_its_names(work, shared, tmp_path):
@@ -251,31 +269,40 @@ def test_a_folder_of_frames_is_smoothed_and_keeps_its_names(work, shared, tmp_pa
     for i in (0, 10, 20):
         name = f"frame-{i:06d}.color.jpg"
         shutil.copy(shared / "rgbd/7scenes" / name, frames / name)
-    models = shared / "models"
-    given = {
-        "image": frames,
-        "segments": "yolox-nano",
-        "segmenter_weights": models / "yolox_nano.onnx",
-        "depth_weights": models / "tu2020_mbv2_blconv7dw_nyu_224.onnx",
-    }
-    raw = predict(work, **given).predictions
-    smoothed = predict(work, **given, smooth=3, out=tmp_path / "o").predictions
+    raw = predict(work, frames, **real(shared))
+    smoothed = predict(work, frames, **real(shared), smooth=3)
     mean = np.exp(np.mean(np.log([p.scale for p in raw])))
     assert smoothed[1].scale == pytest.approx(mean, rel=1e-5)
-    assert sorted(f.name for f in (tmp_path / "o").iterdir()) == [
-        f"frame-{i:06d}.color.npy" for i in (0, 10, 20)
-    ]
+    assert [p.name for p in smoothed] == [f"frame-{i:06d}.color.jpg" for i in (0, 10, 20)]
 
 
-def test_a_head_of_depth_files_asks_for_the_images_own(work, tmp_path):
+def test_a_head_of_depth_files_gives_words_alone_and_says_why(work, tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 5, 3), np.uint8))
-    with pytest.raises(UsageError, match="came from files: give the images' own with --relative"):
-        predict(work, caption=("a",), image=tmp_path / "a.png", out=tmp_path / "d.npy")
+    (p,) = predict(work, tmp_path / "a.png", caption=("a",))
+    assert p.depth is None and "came from files: give the photos' own" in p.warnings[0]
+    done = run(work, tmp_path / "a.png", "--caption", "a", "--colours")
+    assert done.exit_code == 1 and "there is no depth to write" in done.stderr
+
+
+def test_a_head_for_another_depth_model_is_refused(work, tmp_path):
+    head_for_images(work)
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 5, 3), np.uint8))
+    with pytest.raises(UsageError, match="expected tu2020, for which the head was trained"):
+        predict(work, tmp_path / "a.png", caption=("a",), depth_model="midas-v21-small")
+
+
+def test_all_missing_files_are_listed_at_once(work, tmp_path, monkeypatch):
+    head_for_images(work)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 5, 3), np.uint8))
+    with pytest.raises(RsaDataError) as error:
+        predict(work, tmp_path / "a.png", segments="maskformer")
+    text = str(error.value)
+    assert text.startswith("2 files are missing:")
+    assert "--segmenter-weights FILE" in text and "--depth-weights FILE" in text
 
 
 def test_the_commands_print_what_came_of_it(work, shared):
-    from rsa_data.cli.main import cli
-
     place = ["--work", work.store.location]
     done = CliRunner().invoke(cli, ["predict", "--caption", "a kitchen", *place])
     assert done.exit_code == 0 and done.output.startswith("scale ")

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
+from rsa_data.heads.predict.camera import Camera
 from rsa_data.views.playground import desk
 
 
 def picture(y: np.ndarray) -> desk.Picture:
     height, width = y.shape
     image = np.zeros((height, width, 3), np.uint8)
-    camera = (100.0, 100.0, width / 2, height / 2)
-    return desk.Picture("a", image, None, "An image.", y, "", None, camera, False)
+    camera = Camera(100.0, 100.0, width / 2, height / 2, width, height, "a test")
+    return desk.Picture("a", image, None, "An image.", y, "", None, camera)
 
 
 def test_distance_on_a_wall_is_that_of_its_pixels():
@@ -54,6 +55,7 @@ def test_colours_of_a_cloud_are_those_of_a_larger_picture():
     y = np.full((40, 60), 0.5, np.float32)
     image = np.zeros((80, 120, 3), np.uint8)
     image[40:] = 255
-    scene = desk.Picture("a", image, None, "", y, "", None, (50.0, 50.0, 30.0, 20.0), False)
+    camera = Camera(100.0, 100.0, 60.0, 40.0, 120, 80, "a test")
+    scene = desk.Picture("a", image, None, "", y, "", None, camera)
     points, colours = desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))
     np.testing.assert_array_equal(colours[:, 0], (points[:, 1] <= 0).astype(float))

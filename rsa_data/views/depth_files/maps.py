@@ -53,15 +53,14 @@ def coloured(depth: np.ndarray, longest: int = 1600) -> np.ndarray:
     picture = depth_colours(depth, top)
     height, width = picture.shape[:2]
     zoom = min(1.0, longest / max(height, width))
-    # A bar needs some height for its three labels.
-    zoom = max(zoom, min(4.0, 160 / height))
     if zoom != 1.0:
         width, height = max(1, round(width * zoom)), max(1, round(height * zoom))
         picture = resized(picture, width, height, smooth=False)
     labels = ("0 m", f"{top / 2:g} m", f"{top:g} m")
     margin = 44 + int(max(width_of(label, 13) for label in labels))
-    page = Image.new("RGB", (width + margin, height), PAPER)
+    tall = max(height, 80)
+    page = Image.new("RGB", (width + margin, tall), PAPER)
     page.paste(Image.fromarray(picture), (0, 0))
     scale = depth_colours(np.linspace(1e-6, top, 256)[None], top)[0]
-    bar(ImageDraw.Draw(page), width + 12, 8, height - 16, scale, labels)
+    bar(ImageDraw.Draw(page), width + 12, 8, tall - 16, scale, labels)
     return np.asarray(page)

@@ -11,14 +11,19 @@ from ...datasets.images import MAX_PIXELS, read_image
 from ...heads import belong
 from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
-from ...heads.predict import images, known_depth
-from ...heads.predict.predict import Prediction, from_captions
-from ...segments.segments import Segments, from_row
+from ...heads.predict import choices, known_depth
+from ...heads.predict.camera import Camera, camera_of
+from ...heads.predict.find import DEFAULT, find
+from ...heads.predict.from_captions import from_captions
+from ...heads.predict.images import describer, relative_map, relative_source
+from ...heads.predict.objects import Seen, seen
+from ...heads.predict.prediction import Prediction
+from ...segments.segments import Segments
 from ...store.tables import WorkDir
+from ..depth_files import maps, space
+from ..pictures.drawing import resized
 from ..report.samples import one
 
-# A picture's horizontal field of view where nothing tells its camera: that of many phones.
-_VIEW = np.deg2rad(65.0)
 _POINTS, _LONGEST = 20_000, 800
 
 
@@ -27,27 +32,28 @@ class Models:
     """What answers: loaded once, shared by all who look at the page.
 
     encode : captions -> features, with the encoder in memory.
-    segments, segmenter_weights, card, depth_weights : for pictures of the user's own.
+    files : models for photos of the user's own. view : their camera.
     """
 
     work: WorkDir
     head: ScaleHead
     name: str
     encode: Any
-    segments: str | None = None
-    segmenter_weights: Path | None = None
-    card: Path | None = None
-    depth_weights: Path | None = None
+    files: choices.Models = choices.Models()
+    view: choices.View = choices.View()
 
 
-def load(work: WorkDir, name: str, weights: Path | None, **others: Any) -> Models:
-    """The head of the work dir with its encoder; raises RsaDataError when one is missing."""
-    head = ScaleHead.load(f"{work.store.location}/heads/{name}")
-    if head.description["features"].get("style") is None:
-        raise RsaDataError(f"head {name}: expected one that reads captions; found no style")
-    encode = belong.encoder(head.description["features"], weights)
+def load(
+    work: WorkDir,
+    name: str | None,
+    files: choices.Models = choices.Models(),
+    view: choices.View = choices.View(),
+) -> Models:
+    """The head with its encoder; raises RsaDataError when one is missing. name : see `find`."""
+    head = find(work, name)
+    encode = belong.encoder(head.description["features"], files.encoder_weights)
     encode(["An image."])  # the first answer should not wait for this
-    return Models(work, head, name, encode, **others)
+    return Models(work, head, name or DEFAULT, encode, files, view)
 
 
 def sample_ids(models: Models, most: int = 40) -> list[str]:
@@ -74,7 +80,7 @@ class Picture:
     image : uint8 (height, width, 3), RGB. segments : in px of it, or None.
     y : float32 (h, w), relative depth, of any size, or None; why : the reason.
     truth : float32 (h, w), m, 0 where there is none, or None.
-    camera : fx, fy, cx, cy in px of y; guessed : nobody told them.
+    camera : of the image.
     """
 
     name: str
@@ -84,8 +90,12 @@ class Picture:
     y: np.ndarray | None
     why: str
     truth: np.ndarray | None
-    camera: tuple[float, float, float, float]
-    guessed: bool
+    camera: Camera
+
+    def view(self) -> tuple[float, float, float, float]:
+        """fx, fy, cx, cy in px of y."""
+        assert self.y is not None
+        return self.camera.at(self.y.shape[1], self.y.shape[0])
 
 
 def of_sample(models: Models, sample_id: str) -> Picture:
@@ -100,12 +110,16 @@ def of_sample(models: Models, sample_id: str) -> Picture:
     why = "" if sample.relative is not None else "this sample has no whole depth map"
     y, truth = _thin(sample.relative), _thin(sample.truth)
     given = [sample.row[k] for k in ("fx", "fy", "cx", "cy")]
-    shape = image.shape[:2] if y is None else y.shape
-    camera, guessed = _camera(shape, None if None in given else given, image.shape[1])
-    style = f"{models.head.description['features']['style']}: "
+    height, width = image.shape[:2]
+    if None in given:
+        camera = camera_of(None, width, height, models.view)
+    else:
+        fx, fy, cx, cy = (float(v) for v in given)
+        camera = Camera(fx, fy, cx, cy, width, height, "the dataset")
+    style = f"{models.head.description['features'].get('style')}: "
     texts = [c.removeprefix(style) for c in sample.captions if c.startswith(style)]
     return Picture(sample_id, image, sample.segments, texts[0] if texts else "An image.",
-                   y, why, truth, camera, guessed)  # fmt: skip
+                   y, why, truth, camera)  # fmt: skip
 
 
 def _thin(values: np.ndarray | None) -> np.ndarray | None:
@@ -114,21 +128,6 @@ def _thin(values: np.ndarray | None) -> np.ndarray | None:
         return None
     step = -(-max(values.shape) // _LONGEST)
     return values[::step, ::step]
-
-
-def _camera(
-    shape: tuple[int, ...], given: list[float] | None, width: float | None = None
-) -> tuple[tuple[float, float, float, float], bool]:
-    """fx, fy, cx, cy in px of a map of this shape, and whether they are guessed.
-
-    given : in px of an image of this width; None where nobody knows.
-    """
-    if given is None:
-        f = shape[1] / 2 / np.tan(_VIEW / 2)
-        return (f, f, shape[1] / 2, shape[0] / 2), True
-    zoom = shape[1] / (width or 2 * given[2])
-    fx, fy, cx, cy = (float(v) * zoom for v in given)
-    return (fx, fy, cx, cy), False
 
 
 def of_file(models: Models, path: Path) -> Picture:
@@ -141,26 +140,19 @@ def of_file(models: Models, path: Path) -> Picture:
         image = read_image(path, min(MAX_PIXELS, 40_000_000))
     except (RowError, TransientError) as error:
         raise RsaDataError(f"This file cannot be shown: {error}") from error
-    about, caption, segments, why = models.head.description, "An image.", None, []
+    about, caption, segments, y = models.head.description, "An image.", None, None
+    why = []
     try:
-        found, captions = images.look(
-            about, path, [path.name], models.segments, models.segmenter_weights, models.card
-        )
-        caption = captions["text"][0].as_py()
-        row = from_row(found.to_pylist()[0])
-        if isinstance(row, RowError):
-            raise RsaDataError(str(row))
-        segments = row
+        segments, caption = describer(about, path.parent, models.files)(path.name)
     except RsaDataError as error:
         why.append(f"No caption was written: {error}")
-    y = None
     try:
-        y, _ = images.relative_of(about, path, path.name, None, models.depth_weights)
+        source = relative_source(about, path.parent, models.files)
+        y = _thin(relative_map(source, path.name, image.shape[:2]))
     except RsaDataError as error:
         why.append(f"No depth: {error}")
-    y = _thin(y)
-    camera, guessed = _camera(image.shape if y is None else y.shape, None)
-    return Picture(path.name, image, segments, caption, y, " ".join(why), None, camera, guessed)
+    camera = camera_of(path, image.shape[1], image.shape[0], models.view)
+    return Picture(path.name, image, segments, caption, y, " ".join(why), None, camera)
 
 
 def answer(models: Models, caption: str) -> Prediction:
@@ -181,12 +173,29 @@ def corrected(
 def depth_of(picture: Picture, scale: float, shift: float) -> np.ndarray:
     """Metric depth of the picture, float32 (h, w), m."""
     assert picture.y is not None
-    return to_metric(picture.y, scale, shift)
+    depth: np.ndarray = to_metric(picture.y, scale, shift)
+    return depth
+
+
+def objects(picture: Picture, depth: np.ndarray) -> list[Seen]:
+    """The objects of the picture with their distances."""
+    return [] if picture.segments is None else seen(picture.segments, depth)
+
+
+def file_of(picture: Picture, depth: np.ndarray, kind: str) -> bytes:
+    """The depth as .npy, .ply or .glb, or a coloured picture; raises ValueError for no surface."""
+    if kind == ".npy":
+        return maps.npy(depth)
+    if kind == "-colours.png":
+        return maps.picture(maps.coloured(depth))
+    colours = resized(picture.image, depth.shape[1], depth.shape[0])
+    make = space.ply if kind == ".ply" else space.glb
+    return make(depth, picture.view(), colours)
 
 
 def place(picture: Picture, depth: np.ndarray, u: float, v: float) -> np.ndarray:
     """The point seen at column u and row v: x right, y down, z forward, m."""
-    fx, fy, cx, cy = picture.camera
+    fx, fy, cx, cy = picture.view()
     z = float(depth[int(v), int(u)])
     return np.array([(u - cx) / fx * z, (v - cy) / fy * z, z])
 
@@ -210,7 +219,7 @@ def cloud(picture: Picture, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     good = np.isfinite(z) & (z > 0)
     good &= z <= np.quantile(z[good], 0.98) if good.any() else good
     u, v, z = u[good], v[good], z[good]
-    fx, fy, cx, cy = picture.camera
+    fx, fy, cx, cy = picture.view()
     points = np.stack([(u - cx) / fx * z, (cy - v) / fy * z, -z], 1)
     down, across = (np.array(picture.image.shape[:2]) / depth.shape).tolist()
     colours = picture.image[(v * down).astype(int), (u * across).astype(int)]

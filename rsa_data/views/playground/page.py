@@ -1,6 +1,8 @@
 """The page: what stands where, and what happens when somebody touches it. Made with NiceGUI."""
 
 import tempfile
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +10,15 @@ import numpy as np
 from nicegui import events, run, ui
 
 from ...common.errors import RsaDataError
-from ...heads.predict.predict import Prediction
-from ..pictures.colours import depth_colours, round_up
+from ...heads.predict.prediction import Prediction
+from ..depth_files.maps import top_of
+from ..pictures.colours import depth_colours
 from ..pictures.pictures import draw_segments
 from . import desk
+from .panels import GRID, TALL, Panel, bar, empty, part
 from .ruler import Ruler
 
-_WIDTH = 460
+_KINDS = {".npy": "Depth (.npy)", "-colours.png": "Colours", ".ply": "Points", ".glb": "Mesh"}
 
 
 def serve(models: desk.Models, port: int, show: bool) -> None:
@@ -32,53 +36,60 @@ class Page:
         self.models = models
         self.picture: desk.Picture | None = None
         self.found: Prediction | None = None
+        self.depth: np.ndarray | None = None
+        self.points: Any = None
         self.ruler = Ruler(self._use_known, lambda: self._say(self.found), self._redraw)
 
     def build(self) -> None:
         """Puts everything in its place."""
-        with ui.header().classes("items-center py-2"):
+        with ui.header().classes("items-center py-1"):
             ui.label(f"rsa-data: head {self.models.name}").classes("text-lg").props(
                 "role=heading aria-level=1"
             )
-        with ui.row(wrap=False).classes("w-full items-start gap-6"):
-            with ui.column().classes("w-80 shrink-0"):
-                self._inputs()
-            with ui.row().classes("items-start gap-6"):
-                with self._part("Photo and segments"):
-                    self.photo = ui.interactive_image(size=(_WIDTH, 340)).classes("w-full")
-                    self.note = ui.label().classes("text-sm")
-                with self._part("Points in metres: drag to turn"):
-                    self.space = ui.scene(width=_WIDTH, height=345, grid=False)
-                    self.points: Any = None  # of ui.scene, which has no type of its own
-                with self._part("Metric depth: click two points"):
-                    self.map = ui.interactive_image(
-                        size=(_WIDTH, 340), on_mouse=self._marked, cross=True
-                    ).classes("w-full")
-                    self.range = ui.label().classes("text-sm")
-                with self._part("Distances"):
-                    self.ruler.build()
-
-    def _part(self, title: str) -> ui.column:
-        column = ui.column().style(f"width:{_WIDTH}px")
-        with column:
-            ui.label(title).classes("font-bold").props("role=heading aria-level=2")
-        return column
+        with ui.element("div").style(GRID):
+            self._inputs()
+        with ui.element("div").style(GRID):
+            with part("Photo and objects"):
+                self.photo = Panel("Choose a sample, or a photo of your own.")
+                self.note = ui.label().classes("text-sm")
+            with part("Metric depth: click two points"):
+                with ui.row(wrap=False).classes("w-full gap-2"):
+                    self.map = Panel(
+                        "Appears with a photo that has relative depth.",
+                        on_mouse=self._marked, cross=True,
+                    )  # fmt: skip
+                    self.top = bar()
+                self.range = ui.label().classes("text-sm")
+            with part("Points in metres: drag to turn"):
+                with ui.element("div").classes("w-full").style(f"height:{TALL}px") as place:
+                    self.space = ui.scene(width=400, height=TALL, grid=False).classes("w-full")
+                self.space_empty = empty("Appears with the depth.", place)
+        with ui.element("div").style(GRID):
+            with part("Distances"):
+                self.ruler.build()
+            with part("Objects"):
+                self.objects = ui.label("None yet.").classes("text-sm whitespace-pre-line")
+            with part("Files"), ui.row().classes("gap-2"):
+                for kind, text in _KINDS.items():
+                    ui.button(text, on_click=self._download(kind)).props("outline dense")
 
     def _inputs(self) -> None:
         ids = desk.sample_ids(self.models)
-        ui.select(
-            ids, label="A sample of the work dir", with_input=True,
-            on_change=lambda e: self._open(lambda: desk.of_sample(self.models, e.value)),
-        ).classes("w-full").mark("sample")  # fmt: skip
-        ui.upload(
-            label="or a picture of your own", auto_upload=True, max_file_size=50_000_000,
-            on_upload=self._uploaded,
-            on_rejected=lambda: ui.notify("Expected one file of at most 50 MB", type="negative"),
-        ).classes("w-full")  # fmt: skip
+        with ui.column().classes("gap-2"):
+            ui.select(
+                ids, label="A sample of the work dir" if ids else "The work dir holds no samples",
+                with_input=True,
+                on_change=lambda e: self._open(lambda: desk.of_sample(self.models, e.value)),
+            ).classes("w-full").mark("sample")  # fmt: skip
+            ui.upload(
+                label="or a photo of your own", auto_upload=True, max_file_size=50_000_000,
+                on_upload=self._uploaded,
+                on_rejected=lambda: ui.notify("Expected a file of at most 50 MB", type="negative"),
+            ).classes("w-full").props("flat bordered")  # fmt: skip
         self.caption = ui.textarea("Caption", on_change=self._worded).classes("w-full")
-        self.caption.props("debounce=250 autogrow outlined")
-        with ui.card().classes("w-full"):
-            self.numbers = ui.label("Write a caption, or choose a picture.").props('role="status"')
+        self.caption.props("debounce=250 outlined rows=3")
+        with ui.column().classes("gap-1"):
+            self.numbers = ui.label("Write a caption, or choose a photo.").props('role="status"')
             self.spread = ui.label().classes("text-sm")
             self.warning = ui.label().classes("text-sm font-bold text-orange-9").props("role=alert")
 
@@ -89,7 +100,7 @@ class Page:
             path.write_bytes(data)
             await self._open(lambda: desk.of_file(self.models, path))
 
-    async def _open(self, load) -> None:
+    async def _open(self, load: Callable[[], desk.Picture]) -> None:
         """Shows a picture; what cannot be read gets a message and changes nothing."""
         try:
             picture: desk.Picture | None = await run.io_bound(load)
@@ -98,19 +109,31 @@ class Page:
             return
         if picture is None:  # the page is being closed
             return
-        self.picture = picture
+        self.picture, self.depth = picture, None
         self.ruler.look_at(picture)
-        shown = picture.image
-        if picture.segments is not None and len(picture.segments.label):
-            shown = draw_segments(shown, picture.segments, width=640)
-        self.photo.set_source(_pil(shown))
-        said = [picture.why] if picture.why else []
-        if picture.guessed:
-            said.append("Nothing tells the camera: a view of 65 degrees is assumed.")
-        self.note.set_text(" ".join(said))
+        self._show_photo()
+        self.note.set_text(
+            " ".join([*([picture.why] if picture.why else []), f"Camera: {picture.camera.source}."])
+        )
         if self.caption.value == picture.caption:
             await self._worded()
         self.caption.value = picture.caption
+
+    def _show_photo(self) -> None:
+        """The photo with its objects, their distances beside the names."""
+        assert self.picture is not None
+        shown, found = self.picture.image, self.picture.segments
+        if found is not None and len(found.label):
+            if self.depth is not None:
+                # In the order of the segments: largest first is how `objects` has them.
+                order = np.argsort(-found.area, kind="stable")
+                names = list(found.label)
+                for k, one in zip(order, desk.objects(self.picture, self.depth), strict=True):
+                    if one.distance is not None:
+                        names[k] = f"{one.label} {one.distance:.1f} m"
+                found = replace(found, label=names)
+            shown = draw_segments(shown, found, width=640)
+        self.photo.show(shown)
 
     async def _worded(self) -> None:
         """The caption has changed: ask the head."""
@@ -147,12 +170,12 @@ class Page:
         self.numbers.set_text(f"scale {scale:.4g} 1/m per unit of y, shift {shift:.4g} 1/m")
         if self.picture is None or self.picture.y is None:
             return
-        depth = desk.depth_of(self.picture, scale, shift)
-        seen = depth[np.isfinite(depth) & (depth > 0)]
-        top = round_up(float(np.percentile(seen, 98))) if len(seen) else 1.0
-        self.map.set_source(_pil(depth_colours(depth, top)))
+        depth = self.depth = desk.depth_of(self.picture, scale, shift)
+        seen, top = depth[np.isfinite(depth) & (depth > 0)], top_of(depth)
+        self.map.show(depth_colours(depth, top))
+        self.top.set_text(f"{top:g} m")
         low, middle, high = np.percentile(seen, [2, 50, 98]) if len(seen) else (0, 0, 0)
-        told = f"Dark 0, bright {top:g} m; most {low:.2f} to {high:.2f}, median {middle:.2f} m."
+        told = f"Most {low:.2f} to {high:.2f} m, median {middle:.2f} m."
         if self.picture.truth is not None:
             valid = (self.picture.truth > 0) & np.isfinite(depth)
             truth = self.picture.truth[valid]
@@ -160,7 +183,10 @@ class Page:
             told += f" True median {np.median(truth):.2f} m; AbsRel {error:.3f}."
         self.range.set_text(told)
         self._show_cloud(self.picture, depth)
-        self.map.set_content(self.ruler.measure(depth))
+        self._show_photo()
+        lines = [one.line for one in desk.objects(self.picture, depth)]
+        self.objects.set_text("\n".join(lines) or "No objects were found in this photo.")
+        self.map.image.set_content(self.ruler.measure(depth))
 
     def _show_cloud(self, picture: desk.Picture, depth: np.ndarray) -> None:
         points, colours = desk.cloud(picture, depth)
@@ -174,12 +200,28 @@ class Page:
             self.points = self.space.point_cloud(points.tolist(), colours.tolist(), size)
         ahead = {"look_at_x": 0, "look_at_y": 0, "look_at_z": -far / 2}
         self.space.move_camera(0, 0, 0.05 * near, **ahead, up_x=0, up_y=1, up_z=0, duration=0)
+        self.space_empty.set_text("")
+
+    def _download(self, kind: str) -> Callable[[], Any]:
+        async def download() -> None:
+            if self.picture is None or self.depth is None:
+                ui.notify("There is no depth yet: choose a photo first", type="warning")
+                return
+            try:
+                data = await run.io_bound(desk.file_of, self.picture, self.depth, kind)
+            except ValueError as error:
+                ui.notify(f"Cannot be written: {error}", type="negative")
+                return
+            if data is not None:  # None while the page is being closed
+                ui.download.content(data, f"{Path(self.picture.name).stem}{kind}")
+
+        return download
 
     def _redraw(self, drawn: str) -> None:
-        self.map.set_content(drawn)
+        self.map.image.set_content(drawn)
 
     def _marked(self, event: events.MouseEventArguments) -> None:
-        self.map.set_content(self.ruler.clicked(event.image_x, event.image_y))
+        self.map.image.set_content(self.ruler.clicked(event.image_x, event.image_y))
 
     def _use_known(self, u: int, v: int, metres: float) -> str:
         """Corrects scale and shift by the depth of a pixel; gives the sentence that says so."""
@@ -190,9 +232,3 @@ class Page:
             f"Corrected by {metres:g} m at A; from words alone: scale {self.found.scale:.4g}, "
             f"shift {self.found.shift:.4g}"
         )
-
-
-def _pil(pixels: np.ndarray):
-    from PIL import Image
-
-    return Image.fromarray(pixels)

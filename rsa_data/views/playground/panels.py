@@ -1,0 +1,59 @@
+"""The parts that the page is put together from: titled panels, pictures, the bar of colours."""
+
+from typing import Any
+
+import numpy as np
+from nicegui import ui
+
+from ..pictures.colours import depth_colours
+
+# Side by side where there is room for three, below each other on a phone.
+GRID = (
+    "display:grid;gap:1rem;width:100%;"
+    "grid-template-columns:repeat(auto-fit,minmax(min(100%,310px),1fr))"
+)
+TALL = 300  # px of an empty panel
+
+
+def part(title: str) -> ui.column:
+    """A column with a title."""
+    column = ui.column().classes("gap-1").style("min-width:0")
+    with column:
+        ui.label(title).classes("font-bold").props("role=heading aria-level=2")
+    return column
+
+
+def empty(text: str, place: ui.element) -> ui.label:
+    """What an empty panel says, in its middle."""
+    place.classes("relative")
+    with place:
+        return ui.label(text).classes("absolute top-1/2 left-0 w-full text-center opacity-70")
+
+
+class Panel:
+    """A picture, with a text in its place until there is one."""
+
+    def __init__(self, text: str, **more: Any):
+        with ui.element("div").classes("grow").style("min-width:0") as place:
+            self.image = ui.interactive_image(size=(400, TALL), **more).classes("w-full")
+        self.text = empty(text, place)
+
+    def show(self, pixels: np.ndarray) -> None:
+        """Shows uint8 (h, w, 3), RGB."""
+        from PIL import Image
+
+        self.image.set_source(Image.fromarray(pixels))
+        self.text.set_text("")
+
+
+def bar() -> ui.label:
+    """The colours of depth from 0 m upwards; gives the label of the upper end."""
+    colours = depth_colours(np.linspace(1e-6, 1, 9)[None], 1.0)[0]
+    stops = ",".join(f"rgb({r},{g},{b})" for r, g, b in colours.tolist())
+    with ui.column().classes("gap-1 justify-between text-xs shrink-0").style("width:3rem"):
+        top = ui.label()
+        ui.element("div").classes("grow").style(
+            f"width:0.8rem;min-height:{TALL // 2}px;background:linear-gradient(0deg,{stops})"
+        ).props('role=img aria-label="colours from near (dark) to far (bright)"')
+        ui.label("0 m")
+    return top

@@ -1,0 +1,115 @@
+"""What is known besides the words: corrections of a head, fits without one, smoothing."""
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.heads.predict import known_depth
+
+
+def cost(pair, scale, shift, y, metres, prior, error):
+    a, b = pair
+    both = prior["correlation"] * prior["scale"] * prior["shift"]
+    covariance = np.array([[prior["scale"] ** 2, both], [both, prior["shift"] ** 2]])
+    e = np.array([(a - scale) / scale, (b - shift) / shift])
+    points = ((a * y + b - 1 / metres) * metres / error) ** 2
+    return points.sum() + e @ np.linalg.solve(covariance, e)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+@pytest.mark.parametrize("correlation", [0.0, -0.7])
+def test_refine_minimises_its_cost(count, correlation):
+    rng = np.random.default_rng(count)
+    y, metres = rng.uniform(1, 9, count), rng.uniform(1, 9, count)
+    prior = {"scale": 0.2, "shift": 0.4, "correlation": correlation}
+    found = known_depth.refine(0.03, 0.2, y, metres, prior, 0.1)
+    best = scipy.optimize.minimize(
+        cost,
+        (0.03, 0.2),
+        (0.03, 0.2, y, metres, prior, 0.1),
+        bounds=[(0, None)] * 2,
+        method="Powell",
+        options={"xtol": 1e-10, "ftol": 1e-14, "maxiter": 10000},
+    )
+    at = cost(found, 0.03, 0.2, y, metres, prior, 0.1)
+    assert at <= best.fun * (1 + 1e-6) + 1e-12
+    if count == 0:
+        np.testing.assert_allclose(found, (0.03, 0.2), rtol=1e-9)
+
+
+def test_more_points_help_more():
+    rng = np.random.default_rng(0)
+    true_scale, true_shift = 0.05, 0.15
+    errors = []
+    for count in (0, 1, 2, 5, 50):
+        y = rng.uniform(0, 10, count)
+        found = known_depth.refine(0.09, 0.08, y, 1 / (true_scale * y + true_shift))
+        grid = np.linspace(0, 10, 50)
+        true = 1 / (true_scale * grid + true_shift)
+        errors.append(np.mean(np.abs(1 / (found[0] * grid + found[1]) - true) / true))
+    assert errors == sorted(errors, reverse=True) and errors[-1] < 0.01
+
+
+def test_a_range_uses_the_ends_of_the_map():
+    y = np.linspace(0, 10, 1001).reshape(7, 143).astype(np.float32)
+    y[0, 0] = np.nan
+    at, metres = known_depth.ends(y, "1.5,6")
+    np.testing.assert_allclose(at, [9.9, 0.1], atol=0.02)
+    assert metres.tolist() == [1.5, 6.0]
+
+
+def test_smoothing_is_a_geometric_mean_of_the_frames_around():
+    found = known_depth.smooth(np.array([1.0, 4.0, 16.0, 1.0]), 3)
+    np.testing.assert_allclose(found, [2, 4, 4, 4], rtol=1e-6)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 8])
+def test_a_fit_is_least_squares_in_relative_inverse_depth(count):
+    rng = np.random.default_rng(count)
+    metres = rng.uniform(1, 9, count)
+    y = 5 * (1 / metres - 0.02) * rng.uniform(0.98, 1.02, count)
+    found = known_depth.fit(y, metres)
+
+    def cost(pair):
+        return ((pair[0] * y + pair[1]) * metres - 1) @ ((pair[0] * y + pair[1]) * metres - 1)
+
+    best = scipy.optimize.minimize(cost, (0.2, 0.0), method="BFGS", options={"gtol": 1e-12})
+    assert cost((found.scale, found.shift)) <= best.fun * (1 + 1e-9) + 1e-15
+    assert found.used.all()
+    np.testing.assert_allclose(
+        found.residuals, 1 / (found.scale * y + found.shift) / metres - 1, rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("wrong", range(5))
+@pytest.mark.parametrize("factor", [0.3, 3.0])
+def test_one_wrong_point_among_five_is_left_out(wrong, factor):
+    metres = np.array([1.0, 2.0, 3.0, 5.0, 8.0])
+    y = 4 * (1 / metres - 0.05)
+    told = metres.copy()
+    told[wrong] *= factor
+    found = known_depth.fit(y, told)
+    assert found.used.tolist() == [k != wrong for k in range(5)]
+    assert (found.scale, found.shift) == pytest.approx((0.25, 0.05), rel=1e-9)
+    said = known_depth.told(found, told)[0]
+    assert said.count("(left out)") == 1
+
+
+def test_points_that_contradict_the_relative_depth_are_refused():
+    with pytest.raises(RsaDataError, match="expected the relative depth y to be larger at nearer"):
+        known_depth.fit(np.array([1.0, 2.0]), np.array([1.0, 3.0]))
+    with pytest.raises(RsaDataError, match="the same at all points"):
+        known_depth.fit(np.array([1.0, 1.0]), np.array([1.0, 3.0]))
+
+
+def test_points_where_y_is_not_defined_are_refused():
+    y = np.array([[1.0, np.nan]], np.float32)
+    with pytest.raises(UsageError, match="the relative depth is not defined there"):
+        known_depth.points(y, ["1,0,2"])
+
+
+def test_points_are_pixels_of_the_photo_that_the_map_is_of():
+    y = np.arange(6, dtype=np.float32).reshape(2, 3)
+    at, metres = known_depth.points(y, ["299,150,2"], size=(300, 200))
+    assert (at.tolist(), metres.tolist()) == ([5.0], [2.0])
