@@ -121,7 +121,7 @@ def download(
     sha256: str | None = None,
     where: str = "download",
 ) -> Path:
-    """Fetches a url to `own`, which appears only whole, and with the right checksum if one is known.
+    """Fetches a url to `own`, which appears only whole, and with the right checksum if known.
 
     most : bytes that are taken at most. where : begins the messages.
     Raises RsaDataError for another kind of address, too many bytes or another checksum; OSError,

@@ -11,8 +11,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..common.errors import RsaDataError, UsageError
 from ..common import http
+from ..common.errors import RsaDataError, UsageError
 from ..common.files import write
 from ..common.model_files import download
 from ..store.tables import WorkDir, to_json

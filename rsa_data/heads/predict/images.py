@@ -164,8 +164,8 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
 
 def check_depth_file(about: dict[str, Any], model: str, weights: Path | None) -> None:
     """Finds the depth model's file; RsaDataError when it is missing or is not the head's."""
+    from ...common.digests import file_sha256
     from ...depth import measure
-    from ...runner.fingerprints import file_sha256
 
     wanted = ((about.get("depth_model") or {}).get("files") or {}).get("model")
     path = measure.files(depth_model=model, depth_weights=weights).get("model")

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...common.errors import RsaDataError, UsageError
+from ...common.files import write
 from ...heads.predict.prediction import Prediction
 from . import maps, space
 
@@ -126,10 +127,7 @@ def _content(p: Prediction, depth: np.ndarray, kind: str, path: Path) -> bytes:
 
 
 def _save(path: Path, data: bytes) -> None:
-    beside = path.with_name(f".{path.name}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_bytes(data)
-        beside.replace(path)
+        write(path, data)
     except OSError as error:
         raise RsaDataError(f"{path}: cannot be written: {error.strerror or error}") from error
