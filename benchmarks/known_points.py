@@ -7,8 +7,8 @@ MOSAIC is a folder with index.json, PLACE/FRAME_rgb.* and PLACE/FRAME_depth.png 
 at random (20 draws); their true depths, each off by 2% as a tape measure is, give scale and shift.
 Beside that the frame's own least-squares fit, which is the best any scale and shift can do; and
 with --head, which needs captions of the frames, the head alone and corrected by the same points.
-Only pixels
-with relative depth count: tu2020 sees the centre square. Prints a table and writes benchmarks/results/known_points.md.
+Only pixels with relative depth count: tu2020 sees the centre square. Prints a table and writes
+benchmarks/results/known_points.md.
 """
 
 import argparse
