@@ -84,8 +84,8 @@ def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
 def list_names(what: str | None) -> None:
     """List the names that options take.
 
-    WHAT is one of datasets, segmenters, class-tables, styles, tokenizers, encoders, image-encoders,
-    depth-models, heads and jobs; all of them by default.
+    WHAT is one of datasets, segmenters, decoders, class-tables, styles, tokenizers, encoders,
+    image-encoders, depth-models, heads and jobs; all of them by default.
 
     \b
       rsa-data list datasets
@@ -116,6 +116,7 @@ def _dataset_options(name: str) -> list[str]:
 _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "datasets": lambda: registry.described(registry.DATASETS),
     "segmenters": lambda: registry.described(registry.SEGMENTERS),
+    "decoders": lambda: registry.described(registry.DECODERS),
     "class-tables": class_names.described,
     "styles": lambda: registry.described(registry.STYLES),
     "tokenizers": lambda: registry.described(registry.TOKENIZERS),

@@ -13,6 +13,9 @@ from .preprocess import Geometry
 # Candidates that suppression looks at, the best ones: its cost is quadratic.
 _CANDIDATES = 1000
 
+# exp of it, times the smallest stride, is wider than any input.
+_LARGEST_LOG = 20.0
+
 
 def suppress(box: np.ndarray, score: np.ndarray, number: np.ndarray, overlap: float) -> np.ndarray:
     """Greedy non-maximum suppression within each class: rows kept, best score first.
@@ -59,6 +62,7 @@ def yolox(settings: dict[str, Any], table: ClassTable) -> Decoder:
     def decode(outputs: Outputs, geometry: Geometry) -> Found:
         rows = outputs["predictions"][0]  # (n, 5 + classes)
         cells, stride = grid(geometry.input_height, geometry.input_width, strides)
+        _check_raw(rows, len(cells))
         number = rows[:, 5:].argmax(1)  # (n,)
         score = rows[:, 4] * rows[np.arange(len(rows)), 5 + number]  # (n,)
         kept = np.flatnonzero(score > threshold)
@@ -69,6 +73,19 @@ def yolox(settings: dict[str, Any], table: ClassTable) -> Decoder:
         return _suppressed(*found, len(rows), settings["overlap_threshold"], geometry)
 
     return Decoder(decode, {"predictions": (3, 2, 5 + table.count)})
+
+
+def _check_raw(rows: np.ndarray, cells: int) -> None:
+    """Raises RsaDataError for YOLOX's rows with decoded boxes, which have the shape of raw ones."""
+    largest = float(np.abs(rows[:, 2:4]).max(initial=0))
+    if len(rows) == cells and largest <= _LARGEST_LOG:
+        return
+    found = f"{len(rows)} rows" if len(rows) != cells else f"up to {largest:.0f}"
+    raise RsaDataError(
+        f"yolox: expected {cells} rows with logarithms of widths and heights; found {found}. Was "
+        "the file exported with its decoding inside (decode_in_inference)? Use --segments onnx, or "
+        "the family yolo with objectness = true in its card"
+    )
 
 
 def fastestdet(settings: dict[str, Any], table: ClassTable) -> Decoder:

@@ -13,7 +13,8 @@ from ..common.errors import UsageError
 from ..common.onnx_sessions import Device
 from ..datasets.dataset import Dataset
 from ..datasets.images import MAX_PIXELS
-from ..runner.stage import Stage
+from ..runner.stage import Notes, Stage
+from . import notes
 
 Step = Callable[[pa.Table], pa.Table]
 
@@ -159,6 +160,7 @@ STAGE = Stage(
     choices=registry.SEGMENTERS,
     local=("segmenter_weights", "card", "threads"),
     files=files,
+    notes=Notes(notes.COLUMNS, notes.write),
     check=check,
     index=index,
 )

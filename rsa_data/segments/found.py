@@ -46,12 +46,13 @@ def to_segments(
     features: np.ndarray | None = None,
     with_masks: bool = False,
 ) -> Segments:
-    """Segments with shares of the full image; those without a pixel are left out.
+    """Segments with shares of the full image; those without a pixel or a name are left out.
 
     width, height : px, of the image.  features : float of shape (queries, d).
     """
     pixels, box, center, cell = _measure(found, width, height)
-    keep = np.flatnonzero(pixels > 0)
+    named = [found.label is not None or n in table.names for n in found.number.tolist()]
+    keep = np.flatnonzero((pixels > 0) & np.array(named, bool))
     numbers = found.number[keep]
     things = (
         found.is_thing[keep]

@@ -14,7 +14,7 @@ from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError
 from ..common.onnx_sessions import Device, open_session
 from .decoding import Decoder
-from .found import to_segments
+from .found import Found, to_segments
 from .graph_checks import TYPES, Prepared, check_arrays, check_inputs, check_outputs
 from .preprocess import Geometry, preprocessor
 from .segments import Segments
@@ -42,6 +42,8 @@ _SETTINGS |= {
     f"{key}?": "text"
     for key in ("family", "score", "sigmoid", "masks_show", "coordinates", "layout")
 }
+_SETTINGS |= {"objectness?": "true or false", "columns_first?": "true or false"}
+_SETTINGS |= {"columns?": ["text"], "axes?": "a count", "prototypes?": "a count"}
 _SETTINGS |= {"through?": "text or two sides in px"}
 _SETTINGS |= {"strides?": ["a side in px"], "smallest?": "a number", "mask_axes?": "a count"}
 _FORM = {
@@ -115,10 +117,11 @@ def load(
         return [{role: a[k : k + 1] for role, a in roles.items()} for k in range(len(images))]
 
     def finish(found: dict[str, np.ndarray], geometry: Geometry) -> Segments:
-        for role, (_, axis, _) in decoder.roles.items():
-            if axis and not np.isfinite(found[role]).all():
+        for role in decoder.roles:
+            if not np.isfinite(found[role]).all():
                 raise RowError(f"the model's output {outputs[role]} holds nan or inf")
         result = decoder.decode(found, geometry)
+        _check_found(result, geometry, table)
         rows = None
         if features is not None:
             given = found["features"][0] if decoder.batched else found["features"]
@@ -130,6 +133,30 @@ def load(
         # The shapes do not tell all: one empty picture does, before the first part is begun.
         finish(*_first(run, prepare(np.full((64, 64, 3), 114, np.uint8))))
     return Detector(prepare, run, finish, decoder.batched and not isinstance(axis, int))
+
+
+def _check_found(found: Found, geometry: Geometry, table: ClassTable) -> None:
+    """Raises RowError for classes and boxes that no detector with this table finds in an image."""
+    if found.label is None and len(strange := found.number[found.number >= table.count]):
+        raise RowError(
+            f"the model answers with class {strange.max()}; its table ends at {table.count - 1}: "
+            "other classes, or columns in another order"
+        )
+    if found.box is None or not len(found.box):
+        return
+    largest, side = np.abs(found.box).max(), max(geometry.width, geometry.height)
+    if not largest <= 20 * side:
+        raise RowError(
+            f"a box reaches to {largest:.3g} px in an image of {geometry.width} x "
+            f"{geometry.height}: was the file exported with its decoding inside?"
+        )
+    # Shares become px of the image by its scale in the input, which is no more than this.
+    scale = max(geometry.width / geometry.used_width, geometry.height / geometry.used_height)
+    if largest <= max(1.0, scale) and side > 32:
+        raise RowError(
+            "all boxes lie within 0 to 1 px: was the file exported with boxes as shares of the "
+            'image? Its card needs coordinates = "shares" then'
+        )
 
 
 def _first(

@@ -80,26 +80,33 @@ def encode(masks: Sequence[np.ndarray]) -> list[str]:
     ]
 
 
-def resize(values: np.ndarray, height: int, width: int, used: tuple[float, float]) -> np.ndarray:
+def resize(
+    values: np.ndarray,
+    height: int,
+    width: int,
+    shown: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0),
+) -> np.ndarray:
     """A map resized bilinearly, pixel centres at .5, edges repeated (align_corners = False).
 
-    values : float32 (h, w).  used : shares of its height and width, from the top left, that show
-    the image; the rest shows padding and is left out.
+    values : float32 (h, w).  shown : shares of its height and width that show the image, and that
+    lie above and left of it; what shows padding is left out.
     """
-    if used == (1.0, 1.0):
+    if shown == (1.0, 1.0, 0.0, 0.0):
         import cv2
 
         return cv2.resize(values, (width, height), interpolation=cv2.INTER_LINEAR)
-    top, bottom, y = _taps(values.shape[0], height, used[0])
-    left, right, x = _taps(values.shape[1], width, used[1])
+    top, bottom, y = _taps(values.shape[0], height, shown[0], shown[2])
+    left, right, x = _taps(values.shape[1], width, shown[1], shown[3])
     rows = values[top] + (values[bottom] - values[top]) * y[:, None]  # (height, w)
     resized: np.ndarray = rows[:, left] + (rows[:, right] - rows[:, left]) * x  # (height, width)
     return resized
 
 
-def _taps(size: int, wanted: int, used: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _taps(
+    size: int, wanted: int, used: float, before: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two source rows of each wanted row, and the second one's weight (float32)."""
-    where = (np.arange(wanted) + 0.5) * (size * used / wanted) - 0.5
+    where = (np.arange(wanted) + 0.5) * (size * used / wanted) - 0.5 + size * before
     where = np.clip(where, 0, size - 1)
     first = where.astype(np.int64)
     return first, np.minimum(first + 1, size - 1), (where - first).astype(np.float32)

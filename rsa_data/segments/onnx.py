@@ -11,7 +11,7 @@ import pyarrow as pa
 from ..common.cards import Card, card_of, card_path, read_card
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.model_files import local_file
-from ..common.onnx_sessions import Device
+from ..common.onnx_sessions import Device, open_session
 from ..common.prefetch import ahead, settled
 from ..common.progress import advance
 from ..datasets import images
@@ -19,6 +19,8 @@ from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from .graph import Detector, class_table, load
 from .graph_checks import Prepared
+from .label_maps import read_table
+from .recognised import Recognised, recognise
 from .segments import Segments, to_table
 
 # Images read before the model asks for them: enough that it never waits for a slow one, few enough
@@ -34,6 +36,7 @@ def build(
     root: Path | None,
     segmenter_weights: Path | None = None,
     card: Path | None = None,
+    names: str | None = None,
     score_threshold: float | None = None,
     masks: bool = False,
     features: str | None = None,
@@ -42,7 +45,10 @@ def build(
     device: Device = "auto",
     max_pixels: int = images.MAX_PIXELS,
 ) -> Callable[[pa.Table], pa.Table]:
-    """A step that reads each sample's image below `root` and detects what it shows; see detect."""
+    """A detector of your own (ONNX), its family recognised: --segmenter-weights FILE.
+
+    The step reads each sample's image below `root` and detects what it shows; see detect.
+    """
     if argument is not None:
         raise UsageError(f"segmenter {name}: takes no argument, found {argument!r}")
     if root is None:
@@ -50,11 +56,18 @@ def build(
             f"segmenter {name}: expected the dataset's images; found no folder of {dataset.name}. "
             "Give --root DIR, or import segments that exist (rsa-data list segmenters)"
         )
-    described = _card(name, card)
+    if name == "onnx" and card is None:
+        found = recognised_file(_own_file(segmenter_weights), names)
+        described, table = found.card, found.table
+    elif names is not None:
+        raise UsageError(f"segmenter {name}: --names has no effect here: its card has the classes")
+    else:
+        described = _card(name, card)
+        table = class_table(described)
     detector = load(
         described,
         local_file(described, segmenter_weights, "--segmenter-weights"),
-        table=class_table(described),
+        table=table,
         score_threshold=score_threshold,
         device=device,
         features=features,
@@ -79,10 +92,32 @@ def build(
     return step
 
 
+def recognised_file(path: Path, names: str | None) -> Recognised:
+    """What family a file is of; names : a class table, or a file of names, for its classes."""
+    given = None if names is None else read_table(names)
+    return recognise(open_session(path), path.name, given)
+
+
+def _own_file(path: Path | None) -> Path:
+    if path is None:
+        raise UsageError("segmenter onnx: expected your own file: --segmenter-weights FILE.onnx")
+    if not path.is_file():
+        raise RsaDataError(f"--segmenter-weights: expected the model's file; none at {path}")
+    return path
+
+
 def files(
-    *, name: str, segmenter_weights: Path | None = None, card: Path | None = None, **_: Any
+    *,
+    name: str,
+    segmenter_weights: Path | None = None,
+    card: Path | None = None,
+    names: str | None = None,
+    **_: Any,
 ) -> dict[str, Path]:
     """The model's file, which may be downloaded here, what lies outside it, and its card."""
+    if name == "onnx" and card is None:
+        listed = {"names": Path(names)} if names and Path(names).is_file() else {}
+        return {"model": _own_file(segmenter_weights), **listed}
     path = local_file(_card(name, card), segmenter_weights, "--segmenter-weights")
     # The usual names of weights that an ONNX file leaves out: Hugging Face's, and torch's.
     outside = {s: path.with_name(path.name + s) for s in ("_data", ".data")}

@@ -12,11 +12,12 @@ from ..common.errors import RowError, RsaDataError, unknown
 
 @dataclass(frozen=True)
 class Geometry:
-    """How an image lies in the input tensor, from its top left corner.
+    """How an image lies in the input tensor.
 
     width, height : px, of the image.
     used_width, used_height : px of the input that show the image; the rest is padding.
     input_width, input_height : px, of the input tensor.
+    left, top : px of the input before the image.
     """
 
     width: int
@@ -25,11 +26,25 @@ class Geometry:
     used_height: int
     input_width: int
     input_height: int
+    left: int = 0
+    top: int = 0
+
+    @property
+    def shown(self) -> tuple[float, float, float, float]:
+        """Shares of the input's height and width that show the image, and that lie before it."""
+        height, width = self.input_height, self.input_width
+        return (
+            self.used_height / height,
+            self.used_width / width,
+            self.top / height,
+            self.left / width,
+        )
 
     def to_image(self, box: np.ndarray) -> np.ndarray:
         """Boxes x1 y1 x2 y2 in px of the input -> float64 in px of the image, not clipped."""
         x, y = self.width / self.used_width, self.height / self.used_height
-        return np.asarray(box, np.float64) * [x, y, x, y]
+        before = np.tile([self.left, self.top], 2)
+        return (np.asarray(box, np.float64) - before) * [x, y, x, y]
 
 
 Preprocess = Callable[[np.ndarray], tuple[np.ndarray, Geometry]]
@@ -38,8 +53,9 @@ Preprocess = Callable[[np.ndarray], tuple[np.ndarray, Geometry]]
 def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
     """The preprocessing that a card's `[input]` describes.
 
-    resize : letterbox (aspect kept, padded right and below), stretch, shortest (the short side
-        becomes `shortest` unless the long one would pass `longest`).
+    resize : letterbox (aspect kept, padded right and below), centred (letterbox, padded on both
+        sides as Ultralytics does), stretch, shortest (the short side becomes `shortest` unless the
+        long one would pass `longest`).
     size : [height, width] px for letterbox and stretch.
     multiple : both sides are stretched up to a multiple of it (shortest only).
     pad_multiple : both sides are padded to a multiple of it, right and below (shortest only).
@@ -80,7 +96,8 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
         values = np.empty((geometry.input_height, geometry.input_width, 3), np.float32)
         if not nhwc:
             values = np.empty((3, *values.shape[:2]), np.float32).transpose(1, 2, 0)
-        used = values[: geometry.used_height, : geometry.used_width]
+        top, left = geometry.top, geometry.left
+        used = values[top : top + geometry.used_height, left : left + geometry.used_width]
         if used.shape != values.shape:
             values[:] = padding
         for channel in range(3):
@@ -129,6 +146,22 @@ def _letterbox(spec: dict[str, Any]) -> Preprocess:
             raise RowError(f"image of {w} x {h} px: too narrow to be shown in {width} x {height}")
         pixels = _interpolate(image, used_w, used_h, resample)
         return pixels, Geometry(w, h, used_w, used_h, width, height)
+
+    return resize
+
+
+def _centred(spec: dict[str, Any]) -> Preprocess:
+    """As Ultralytics' LetterBox rounds: sides to the nearest pixel, half a pixel up and left."""
+    height, width = spec["size"]
+    resample = spec.get("resample", "opencv")
+
+    def resize(image: np.ndarray) -> tuple[np.ndarray, Geometry]:
+        h, w = image.shape[:2]
+        ratio = min(height / h, width / w)
+        used_h, used_w = max(1, round(h * ratio)), max(1, round(w * ratio))
+        top, left = round((height - used_h) / 2 - 0.1), round((width - used_w) / 2 - 0.1)
+        pixels = _interpolate(image, used_w, used_h, resample)
+        return pixels, Geometry(w, h, used_w, used_h, width, height, left, top)
 
     return resize
 
@@ -182,6 +215,7 @@ def shortest_size(height: int, width: int, short: int, longest: int) -> tuple[in
 
 _RESIZES: dict[str, Callable[[dict[str, Any]], Preprocess]] = {
     "letterbox": _letterbox,
+    "centred": _centred,
     "stretch": _stretch,
     "shortest": _shortest,
 }

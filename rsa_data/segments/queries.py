@@ -139,12 +139,8 @@ def _resized(values: np.ndarray, geometry: Geometry, settings: dict[str, Any]) -
         values = sigmoid(values)
     if through := settings.get("through"):
         size = (geometry.input_height, geometry.input_width) if through == "input" else through
-        values = masks.resize(values, size[0], size[1], (1.0, 1.0))
+        values = masks.resize(values, size[0], size[1])
     if when == "between":
         values = sigmoid(values)
-    used = (
-        geometry.used_height / geometry.input_height,
-        geometry.used_width / geometry.input_width,
-    )
-    values = masks.resize(values, geometry.height, geometry.width, used)
+    values = masks.resize(values, geometry.height, geometry.width, geometry.shown)
     return sigmoid(values) if when == "last" else values

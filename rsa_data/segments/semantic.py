@@ -52,21 +52,17 @@ def _winners(
     The probability is taken at the map's own size and resized, which costs one map, not all.
     """
     height, width = geometry.height, geometry.width
-    used = (
-        geometry.used_height / geometry.input_height,
-        geometry.used_width / geometry.input_width,
-    )
     best = np.full((height, width), -np.inf, np.float32)
     winner = np.zeros((height, width), np.int32)
     for k, value in enumerate(values):
-        value = masks.resize(value, height, width, used)
+        value = masks.resize(value, height, width, geometry.shown)
         wins = value > best
         np.copyto(best, value, where=wins)
         np.copyto(winner, k, where=wins)
     highest = values.max(0)
     if not probabilities:
         highest = 1 / np.exp(values - highest).sum(0)
-    return winner, masks.resize(highest, height, width, used)
+    return winner, masks.resize(highest, height, width, geometry.shown)
 
 
 def _regions(winner: np.ndarray, table: ClassTable, split: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ def rows(settings: dict[str, Any], table: ClassTable) -> Decoder:
 
     coordinates : image, px of the image, for graphs with a scale_factor input; or input.
     """
-    threshold, to_image = settings["score_threshold"], _coordinates(settings)
+    threshold, to_image = settings["score_threshold"], coordinates(settings)
 
     def decode(outputs: Outputs, geometry: Geometry) -> Found:
         found = outputs["rows"]  # (n, 6)
@@ -38,7 +38,7 @@ def instances(settings: dict[str, Any], table: ClassTable) -> Decoder:
     mask_threshold : probability from which a pixel belongs to the mask.
     coordinates : of the boxes: image or input, px.
     """
-    threshold, to_image = settings["score_threshold"], _coordinates(settings)
+    threshold, to_image = settings["score_threshold"], coordinates(settings)
     border = settings.get("mask_threshold", 0.5)
     show = settings.get("masks_show", "box")
     if show not in ("box", "input"):
@@ -52,14 +52,10 @@ def instances(settings: dict[str, Any], table: ClassTable) -> Decoder:
         each = outputs["masks"][kept].astype(np.float32)
         each = each.reshape(len(kept), *each.shape[-2:])  # (n, h, w)
         height, width = geometry.height, geometry.width
-        used = (
-            geometry.used_height / geometry.input_height,
-            geometry.used_width / geometry.input_width,
-        )
         pasted = [
             masks.paste(mask, corners, height, width) >= border
             if show == "box"
-            else masks.resize(mask, height, width, used) >= border
+            else masks.resize(mask, height, width, geometry.shown) >= border
             for mask, corners in zip(each, box, strict=True)
         ]
         number = outputs["classes"][kept].astype(np.int64)
@@ -70,10 +66,14 @@ def instances(settings: dict[str, Any], table: ClassTable) -> Decoder:
     return Decoder(decode, roles | {"masks": (axes, 0, 1)}, batched=False)
 
 
-def _coordinates(settings: dict[str, Any]) -> Any:
+def coordinates(settings: dict[str, Any]) -> Any:
+    """What turns boxes x1 y1 x2 y2 of a graph into px of the image, by `coordinates`."""
     kinds = {
         "image": lambda box, geometry: np.asarray(box, np.float64),
         "input": lambda box, geometry: geometry.to_image(box),
+        "shares": lambda box, geometry: geometry.to_image(
+            box * np.tile([geometry.input_width, geometry.input_height], 2)
+        ),
     }
     kind = settings.get("coordinates", "image")
     if kind not in kinds:

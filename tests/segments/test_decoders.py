@@ -147,14 +147,16 @@ def test_resized_maps_are_torchs(size, wanted):
     theirs = torch.nn.functional.interpolate(
         torch.from_numpy(values)[None, None], size=wanted, mode="bilinear", align_corners=False
     )[0, 0].numpy()
-    np.testing.assert_allclose(masks.resize(values, *wanted, (1.0, 1.0)), theirs, atol=1e-5)
+    np.testing.assert_allclose(masks.resize(values, *wanted), theirs, atol=1e-5)
     # The way for padded inputs, when nothing is padded.
-    np.testing.assert_allclose(masks.resize(values, *wanted, (1 - 1e-12, 1.0)), theirs, atol=2e-5)
+    np.testing.assert_allclose(
+        masks.resize(values, *wanted, (1 - 1e-12, 1.0, 0.0, 0.0)), theirs, atol=2e-5
+    )
 
 
 def test_padding_is_left_out_of_resized_maps():
     ramp = np.arange(16, dtype=np.float32)[None].repeat(8, 0)  # one value a column of the input
-    found = masks.resize(ramp, 4, 8, (0.5, 0.5))
+    found = masks.resize(ramp, 4, 8, (0.5, 0.5, 0.0, 0.0))
     np.testing.assert_allclose(found, np.arange(8, dtype=np.float32)[None].repeat(4, 0))
 
 

@@ -1,0 +1,65 @@
+"""What the detect stage says after a run: which model it took a file for, and what was found."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ..common.cards import card_of, read_card
+from ..common.errors import RsaDataError
+from . import onnx
+
+COLUMNS = ("status", "label")
+_LOOK = "look at some images with --preview 12"
+
+
+def write(
+    parts: Iterable[pa.Table],
+    *_: pa.Table,
+    segments: str,
+    segmenter_weights: Path | None = None,
+    card: Path | None = None,
+    names: str | None = None,
+    **options: Any,
+) -> list[str]:
+    """Sentences on the model and on the classes that some parts of the table hold."""
+    lines = []
+    if segments == "onnx" and segmenter_weights is not None and card is None:
+        told = onnx.recognised_file(segmenter_weights, names).told
+        lines.append(f"{segmenter_weights.name}: read as {told}")
+    elif segmenter_weights is not None:
+        lines += _another_file(segments, segmenter_weights, card)
+    images = Counter[str]()
+    total = 0
+    for part in parts:
+        good = part.filter(pc.equal(part["status"], "ok"))
+        total += len(good)
+        for labels in good["label"].to_pylist():
+            images.update(set(labels))
+    if total and images:
+        most = ", ".join(f"{name} {count / total:.0%}" for name, count in images.most_common(5))
+        lines.append(f"{len(images)} classes; in most images: {most}")
+    return lines
+
+
+def _another_file(segments: str, weights: Path, card: Path | None) -> list[str]:
+    """The warning for a file that is not the one its card was written for."""
+    try:
+        wanted = (read_card(card) if card else card_of("segments", segments)).sha256
+    except RsaDataError:
+        return []
+    if wanted is None:
+        return []
+    with weights.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    if found == wanted:
+        return []
+    return [
+        f"warning: {weights} is not the file that the card {card or segments} was written for "
+        f"(sha256 {found[:12]}..., not {wanted[:12]}...): "
+        f"colours, scale or classes may differ; {_LOOK}"
+    ]
