@@ -18,6 +18,7 @@ from ..common import bounded, text_files
 from ..common.errors import RsaDataError
 from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
+from ..datasets.shards import name_of
 from ..datasets import rsa_files
 from .columns import caption_table
 from .wordings.wording import NOTHING
@@ -41,6 +42,7 @@ def step(style: str, read: Reader, tokenizer: Tokenizer) -> Callable[..., pa.Tab
     def write(*inputs: pa.Table) -> pa.Table:
         samples = inputs[-1]
         ids, images = samples["sample_id"].to_pylist(), samples["image"].to_pylist()
+        images = [name_of(image) if image else image for image in images]
         found = [read(*row) for row in zip(ids, images, strict=True)]
         if ids and not any(found):
             raise RsaDataError(

@@ -1,5 +1,6 @@
 """Camera intrinsics: what samples keep of them, and the text file that most datasets bring."""
 
+from math import isfinite
 from pathlib import Path
 
 from ..common.errors import RsaDataError
@@ -8,6 +9,22 @@ from .listing import lines
 # fx, fy, cx, cy in px, each None where unknown.
 Camera = tuple[float | None, float | None, float | None, float | None]
 UNKNOWN: Camera = (None, None, None, None)
+
+
+def from_numbers(values: object, where: str) -> Camera:
+    """The camera of fx, fy, cx, cy, or of a 3 x 3 matrix as nine numbers or three rows, px."""
+    flat: list[object] = []
+    for value in values if isinstance(values, (list, tuple)) else [values]:
+        flat += value if isinstance(value, (list, tuple)) else [value]
+    if len(flat) == 9:
+        flat = [flat[0], flat[4], flat[2], flat[5]]
+    if len(flat) == 4 and all(isinstance(v, (int, float)) and isfinite(v) for v in flat):
+        fx, fy, cx, cy = (float(v) for v in flat)  # type: ignore[arg-type]
+        if fx > 0 and fy > 0:
+            return fx, fy, cx, cy
+    raise RsaDataError(
+        f"{where}: expected fx, fy, cx, cy or a 3 x 3 matrix in px, found {values!r:.80}"
+    )
 
 
 def read_matrix(path: Path, name: str) -> Camera:

@@ -30,6 +30,8 @@ class Dataset:
     prepare : root -> writes the dataset's files where they are missing, for datasets that are made
         and not downloaded; killed half-way it goes on from there. None for all others.
     test_splits : splits whose depth is stored whole and which no training may read.
+    shard : path of an image in samples -> the shard that holds it; an index makes no part of images
+        of two shards, so that a worker reads one from its front to its end. None for loose files.
     min_depth, max_depth : m, the range in which ground truth counts as valid.
     """
 
@@ -46,4 +48,5 @@ class Dataset:
     relative: Callable[[str], str] | None = None
     panoptic: str | None = None
     prepare: Callable[[Path], None] | None = None
+    shard: Callable[[str], str] | None = None
     test_splits: tuple[str, ...] = ("test",)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.errors import RowError
+from ..common.errors import RowError, UsageError
+from .images import read_bytes
 from .pixel_files import GREY, float32, read_npy, read_png
 
 # Units in a metre.
@@ -49,6 +50,33 @@ def png16(
         return depth
 
     return read
+
+
+def any_file(unit: str, option: str) -> Callable[[Path], np.ndarray]:
+    """A reader of 16-bit PNG or .npy in a stated unit, told apart by their content.
+
+    option : what to name in the UsageError for a unit that there is not.
+    """
+    try:
+        per_metre = units_per_metre(unit)
+    except ValueError as error:
+        raise UsageError(
+            f"{option}: expected {', '.join(UNITS)} or m/N, N steps a metre, found {unit!r}"
+        ) from error
+    # A camera writes the largest value for "too far".
+    read_grey = png16(per_metre, none=(0, 65535))
+    read_array = npy(per_metre, none=(65535,), steps=unit not in UNITS)
+
+    def read(path: Path) -> np.ndarray:
+        return (read_array if _is_npy(path) else read_grey)(path)
+
+    return read
+
+
+def _is_npy(path: Path) -> bool:
+    """By the name's ending; where the column of a Parquet file gives none, by the first bytes."""
+    suffix = path.suffix.lower()
+    return suffix == ".npy" or (suffix != ".png" and read_bytes(path).startswith(b"\x93NUMPY"))
 
 
 def read_png16(path: Path) -> np.ndarray:

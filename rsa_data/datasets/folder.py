@@ -1,7 +1,7 @@
 """Any folder of images, with depth of a stated unit and intrinsics where there are some."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import pyarrow as pa
 from ..common.errors import RowError, RsaDataError, UsageError
 from .cameras import UNKNOWN, Camera, read_matrix
 from .dataset import Dataset
-from .depth_files import UNITS, npy, png16, units_per_metre
+from .depth_files import UNITS, any_file
 from .held_out import held_out_last, held_out_listed
 from .listing import (
     Sample,
@@ -89,7 +89,9 @@ def folder(
         index=partial(
             _index, images, depth, depth_within, intrinsics, test_share, test_list, file_list
         ),
-        read_depth=_reader(depth_unit) if depth_unit is not None else _no_depth,
+        read_depth=any_file(depth_unit, "folder: depth_unit")
+        if depth_unit is not None
+        else _no_depth,
         min_depth=min_depth,
         max_depth=max_depth,
         scene=scene,
@@ -99,22 +101,6 @@ def folder(
 def scene(key: str) -> str:
     """The folder that the image lies in."""
     return key.rpartition("/")[0] or "."
-
-
-def _reader(unit: str) -> Callable[[Path], np.ndarray]:
-    try:
-        per_metre = units_per_metre(unit)
-    except ValueError as error:
-        raise UsageError(
-            f"folder: depth_unit: expected {', '.join(UNITS)} or m/N, N steps a metre, "
-            f"found {unit!r}"
-        ) from error
-    # A camera writes the largest value for "too far".
-    readers = {
-        ".png": png16(per_metre, none=(0, 65535)),
-        ".npy": npy(per_metre, none=(65535,), steps=unit not in UNITS),
-    }
-    return lambda path: readers[path.suffix.lower()](path)
 
 
 def _no_depth(path: Path) -> np.ndarray:

@@ -20,6 +20,7 @@ import numpy as np
 from ..common import bounded
 from ..common.errors import RowError, TransientError
 from .roots import RemotePath
+from .shards import located
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -89,6 +90,7 @@ def image_size(path: Path) -> tuple[int, int]:
 
 def image_frame(path: Path) -> tuple[int, int, int]:
     """(width, height) as `image_size`, and the EXIF orientation that led to them, 1 to 8."""
+    path = located(path)
     try:
         if isinstance(path, RemotePath):
             with contextlib.suppress(RowError):  # where the header is longer, or at the end
@@ -114,7 +116,7 @@ def read_bytes(path: Path) -> bytes:
     common.bounded; TransientError when the file system fails.
     """
     try:
-        return bounded.read(path, "image")
+        return bounded.read(located(path), "image")
     except OSError as error:
         raise _file_error(error, path) from error
 

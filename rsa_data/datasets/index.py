@@ -1,7 +1,7 @@
 """The samples table: which images a dataset has, cut into the parts that all later tables share."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
@@ -146,8 +146,8 @@ def index(
     for split in sorted(pc.unique(fresh["split"]).to_pylist(), key=lambda s: (s != "train", s)):
         rows = fresh.filter(pc.equal(fresh["split"], split))
         size = test_part_size if split in dataset.test_splits else part_size
-        for start in range(0, len(rows), size):
-            part = rows.slice(start, size)
+        for start, stop in _cuts(rows, size, dataset):
+            part = rows.slice(start, stop - start)
             follows = sample_fingerprint(dataset.name, schemas.digest(part))
             made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
             number = next(numbers)
@@ -159,6 +159,19 @@ def index(
 def sample_fingerprint(dataset: str, digest: str) -> str:
     """What a part of samples follows from: itself; digest : of its content."""
     return fingerprint({"dataset": dataset, "digest": digest})
+
+
+def _cuts(rows: pa.Table, size: int, dataset: Dataset) -> Iterator[tuple[int, int]]:
+    """First and last row, last excluded, of each part: so many rows at most, of one shard."""
+    ends = [len(rows)]
+    if dataset.shard is not None:
+        shards = [dataset.shard(path or "") for path in rows["image"].to_pylist()]
+        ends = [i for i in range(1, len(shards)) if shards[i] != shards[i - 1]] + ends
+    begin = 0
+    for end in ends:
+        for start in range(begin, end, size):
+            yield start, min(start + size, end)
+        begin = end
 
 
 def _named(samples: pa.Table, name: str) -> pa.Table:

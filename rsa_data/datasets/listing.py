@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
@@ -33,20 +32,30 @@ class Sample:
     size: tuple[int | None, int | None] = (None, None)
 
 
-def to_table(name: str, root: Path, samples: Iterable[Sample], split: str | None) -> pa.Table:
+def to_table(
+    name: str,
+    root: Path,
+    samples: Iterable[Sample],
+    split: str | None,
+    *,
+    in_order: bool = False,
+) -> pa.Table:
     """The samples table of dataset `name`, sorted by split and sample_id.
 
-    split : keep this split only; None for all.
+    split : keep this split only; None for all. in_order : samples of a split stay in the order in
+        which they come, which is that of their shards.
 
     Raises RsaDataError when nothing is left, when two samples have the same key, or when a file
     name is not UTF-8.
     """
-    rows = sorted((s for s in samples if split in (None, s.split)), key=lambda s: (s.split, s.key))
+    rows = [s for s in samples if split in (None, s.split)]
+    rows.sort(key=(lambda s: s.split) if in_order else (lambda s: (s.split, s.key)))
     if not rows:
         what = f"split {split!r}" if split else "any split"
         raise RsaDataError(f"{name}: {root}: expected images of {what}, found none; {guide(name)}")
-    for a, b in pairwise(rows):
-        if (a.split, a.key) == (b.split, b.key):
+    known: dict[tuple[str, str], Sample] = {}
+    for b in rows:
+        if (a := known.setdefault((b.split, b.key), b)) is not b:
             raise RsaDataError(
                 f"{name}: expected one image for each key, found {a.image} and {b.image} with the "
                 f"same key {a.split}/{a.key}; remove or rename one of them"

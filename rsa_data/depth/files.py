@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import RowError, UsageError
+from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.depth_files import read_png16
 from ..datasets.images import image_size
@@ -29,18 +30,18 @@ def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) 
         with contextlib.suppress(RowError):  # the maps are read also where the images are not there
             size = image_size(root / image) if root is not None else None
         if size is not None:
-            check_aspect(found.y.shape, size, f"relative depth of {image}")
+            check_aspect(found.y.shape, size, f"relative depth of {name_of(image)}")
         return replace(found, image=size)
 
     if argument:
-        return lambda image: source(image, Path(argument), image)
+        return lambda image: source(image, Path(argument), name_of(image))
     of_dataset = dataset.relative
     if of_dataset is None:
         raise UsageError(
             f"depth model files: {dataset.name} brings no relative depth of its own; name the "
             "folder that holds it: --depth-model files:DIR"
         )
-    return lambda image: source(image, root, of_dataset(image))
+    return lambda image: source(image, root, of_dataset(name_of(image)))
 
 
 def read(folder: Path, stem: str, holds: str = "relative") -> Relative:

@@ -11,6 +11,7 @@ from .. import registry
 from ..common.errors import RowError, UsageError
 from ..common.options import accepts_old_names
 from ..common.prefetch import each
+from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from ..datasets.shapes import check_aspect
@@ -125,14 +126,14 @@ def _row(
         try:
             depth = dataset.read_depth(root / sample["depth"])
         except RowError as error:
-            raise RowError(f"{sample['depth']}: {error}") from error
+            raise RowError(f"{name_of(sample['depth'])}: {error}") from error
         relative = source(sample["image"])
         try:
             if relative.image is not None:
                 check_aspect(depth.shape, relative.image, "ground truth")
             return row | _measure(sample["sample_id"], depth, relative, dataset, pixels, seed)
         except RowError as error:
-            raise RowError(f"{sample['depth']}: {error}") from error
+            raise RowError(f"{name_of(sample['depth'])}: {error}") from error
     except RowError as error:
         return row | {"status": "failed", "error": str(error)}
 

@@ -12,6 +12,7 @@ from ..common.cards import card_of
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.model_files import local_file
 from ..common.onnx_sessions import open_session
+from ..datasets.shards import name_of
 from ..datasets import images
 from ..datasets.kitti import CROP
 from .files import inverse
@@ -43,7 +44,7 @@ def build(
             box = kb_box(*image.shape[:2]) if crop == "kb" else (0, 0, 1, 1)
             seen, part = resize(cut(image, box))
         except RowError as error:
-            raise RowError(f"{path}: {error}") from error
+            raise RowError(f"{name_of(path)}: {error}") from error
         pixels = normalise(seen, card.settings)
         if half:
             pixels = pixels.astype(np.float16)

@@ -12,6 +12,7 @@ import pyarrow as pa
 from ..common import class_names
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import each
+from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from . import maps
@@ -76,7 +77,7 @@ def _owners(images: Iterable[str | None]) -> Counter[str]:
 
 def map_path(image: str | None) -> str:
     """Where an image's instance map lies below gtFine: its last three parts, renamed."""
-    path = PurePosixPath(image or "")
+    path = PurePosixPath(name_of(image or ""))
     if len(path.parts) < 3 or not path.stem.endswith(_IMAGE):
         raise RowError(f"{_WHERE}: expected an image .../SPLIT/CITY/x{_IMAGE}.png, found {image}")
     split, city = path.parts[-3:-1]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..common.errors import RowError
 from ..datasets import images
+from ..datasets.shards import name_of
 
 # Share of the image's side, and px, by which boxes may reach over its border: rounding, and objects
 # that are completed by guess.
@@ -45,7 +46,7 @@ def of_image(root: Path | None, image: str | None) -> Frame | None:
     except RowError as error:
         if str(error) == images.MISSING:
             return None
-        raise RowError(f"{image}: {error}") from error
+        raise RowError(f"{name_of(image)}: {error}") from error
     return Frame(width, height, orientation)
 
 

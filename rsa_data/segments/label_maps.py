@@ -14,6 +14,7 @@ from ..common import class_names, names_files
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.prefetch import each
+from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from . import maps
@@ -107,11 +108,11 @@ def read_table(names: str | None) -> ClassTable:
 
 def label_path(image: str, template: str) -> Path:
     """Where the label map of an image lies; raises UsageError for a field that does not exist."""
-    below = PurePosixPath(image).with_suffix("")
+    below = PurePosixPath(name_of(image)).with_suffix("")
     digits = re.search(r"\d+$", below.name)
     number = int(digits[0]) if digits else -1
     if number < 0 and re.search(r"\{(number|next)", template):
-        raise RowError(f"{_WHERE}: expected {image} to end in digits, for {template}")
+        raise RowError(f"{_WHERE}: expected {below} to end in digits, for {template}")
     fields = {"path": below.as_posix(), "stem": below.name, "number": number, "next": number + 1}
     try:
         return Path(template.format(**fields))

@@ -14,6 +14,7 @@ from ..common.model_files import local_file
 from ..common.onnx_sessions import Device, open_session
 from ..common.prefetch import ahead, settled
 from ..common.progress import advance
+from ..datasets.shards import name_of
 from ..datasets import images
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
@@ -83,7 +84,7 @@ def build(
             try:
                 return detector.prepare(images.read_image(root / path, max_pixels))
             except RowError as error:
-                raise RowError(f"{path}: {error}") from error
+                raise RowError(f"{name_of(path)}: {error}") from error
 
         paths = samples["image"].to_pylist()
         found = detect(detector, read, paths, threads=threads, batch=batch, helpers=readers(root))

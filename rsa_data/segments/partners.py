@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 
 from ..common.errors import RowError, RsaDataError
 from ..datasets.images import SUFFIXES
+from ..datasets.shards import name_of
 
 # An image_id of a file, as `number_key` gives it.
 Key = int | str
@@ -65,7 +66,7 @@ def _nearest(
 
 def _parts(path: str) -> tuple[str, ...]:
     """The folders and the name of a path, as they are compared."""
-    plain = unicodedata.normalize("NFC", path.replace("\\", "/"))
+    plain = unicodedata.normalize("NFC", name_of(path).replace("\\", "/"))
     parts = PurePosixPath(re.sub(r"^[A-Za-z]:/", "", plain)).parts
     return tuple(part for part in parts if part not in ("/", ".", ".."))
 
@@ -118,10 +119,10 @@ def partner(found: Mapping[str, Key | None], image: str | None, where: str, what
     if image is None:
         raise RowError(f"{where}: no image is listed, so there is no file name to look for")
     if image not in found:
-        raise RowError(f"{where}: expected a {what} of the image {image}, found none")
+        raise RowError(f"{where}: expected a {what} of the image {name_of(image)}, found none")
     if (record := found[image]) is None:
         raise RowError(
-            f"{where}: expected one {what} of the image {image} and of no other image; found "
+            f"{where}: expected one {what} of the image {name_of(image)} and of no other image; found "
             "several that fit by their names"
         )
     return record
@@ -132,7 +133,7 @@ def require_some(found: Mapping[str, object], images: Sequence[str], where: str,
     if images and not found:
         raise RsaDataError(
             f"{where}: expected {what} of this dataset's {len(images)} images, such as "
-            f"{images[0]}; found none that belongs to any of them"
+            f"{name_of(images[0])}; found none that belongs to any of them"
         )
 
 

@@ -1,0 +1,284 @@
+"""Images in tar or zip shards, as WebDataset, img2dataset and NeMo Curator write them."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ..common import bounded
+from ..common.errors import RowError, RsaDataError, UsageError
+from . import tar_members, zip_members
+from .cameras import UNKNOWN, Camera, from_numbers
+from .dataset import Dataset
+from .depth_files import UNITS, any_file
+from .folder import scene
+from .images import SUFFIXES
+from .listing import Sample, files_below, inside, paths, require_folder, to_table
+from .roots import is_remote
+from .shard_file import Shard
+from .shards import address, located, shard_of
+from .tar_members import Entry
+
+_SPLIT = re.compile(r"(?:.*/)?(train|test|val)(?:idation)?(?:[-_./].*)?\.\w+")
+# A sample's key is its name up to the first dot after the last slash, as WebDataset cuts it.
+_NAME = re.compile(r"((?:.*/)?[^/.]+)\.([^/]+)", re.DOTALL)
+_LISTED_AT_ONCE = 16
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Which members and which fields of their JSON a sample takes; None: by default, or none."""
+
+    image: str | None
+    depth: str | None
+    scene: str | None
+    split: str | None
+    intrinsics: str | None
+    keys: str
+
+
+def webdataset(
+    *,
+    image: str | None = None,
+    depth: str | None = None,
+    depth_unit: str | None = None,
+    scene: str | None = None,
+    split: str | None = None,
+    intrinsics: str | None = None,
+    keys: str = "member",
+    file_list: Path | None = None,
+    min_depth: float = 1e-3,
+    max_depth: float = 80.0,
+) -> Dataset:
+    """Tar shards, as WebDataset and img2dataset write them; a part is a shard, read from its front.
+
+    Parameters
+    ----------
+    image : ending of the members that are images, what follows the first dot of their names, such
+        as jpg or rgb.png. Without it, the one member of a sample that ends like an image.
+    depth : ending of the members with depth, 16-bit PNG or .npy, such as depth.png.
+    depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
+    scene : field of a sample's .json member that names its scene. Without it, the key's folder.
+    split : field of a sample's .json member that names its split. Without it, a shard is of the
+        split that its folder or the start of its name says (val/, test-00000.tar), else train.
+    intrinsics : field of a sample's .json member with fx, fy, cx, cy or the 3 x 3 matrix, in px.
+    keys : member: sample ids are the keys of members. shard/member: the shard's name comes first,
+        where keys repeat from shard to shard.
+    file_list : file with the paths of the shards to take, below the root, one a line; for a web
+        server that does not list its folders, or a part of a large folder.
+    min_depth : m, smaller depth counts as none.
+    max_depth : m, larger depth counts as none.
+    """
+    fields = Fields(image, depth, scene, split, intrinsics, keys)
+    return _dataset("webdataset", ".tar", tar_members.entries, fields, depth_unit, file_list,
+                    (min_depth, max_depth))  # fmt: skip
+
+
+def zipped(
+    *,
+    image: str | None = None,
+    depth: str | None = None,
+    depth_unit: str | None = None,
+    scene: str | None = None,
+    split: str | None = None,
+    intrinsics: str | None = None,
+    keys: str = "member",
+    file_list: Path | None = None,
+    min_depth: float = 1e-3,
+    max_depth: float = 80.0,
+) -> Dataset:
+    """Zip files with images in them, as archives of datasets come; nothing is unpacked.
+
+    Parameters
+    ----------
+    image : ending of the members that are images, what follows the first dot of their names, such
+        as jpg or rgb.png. Without it, the one member of a sample that ends like an image.
+    depth : ending of the members with depth, 16-bit PNG or .npy, such as depth.png.
+    depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
+    scene : field of a sample's .json member that names its scene. Without it, the key's folder.
+    split : field of a sample's .json member that names its split. Without it, a file is of the
+        split that its folder or the start of its name says (val/, test.zip), else train.
+    intrinsics : field of a sample's .json member with fx, fy, cx, cy or the 3 x 3 matrix, in px.
+    keys : member: sample ids are the keys of members. shard/member: the file's name comes first,
+        where keys repeat from file to file.
+    file_list : file with the paths of the zip files to take, below the root, one a line.
+    min_depth : m, smaller depth counts as none.
+    max_depth : m, larger depth counts as none.
+    """
+    fields = Fields(image, depth, scene, split, intrinsics, keys)
+    return _dataset("zip", ".zip", zip_members.entries, fields, depth_unit, file_list,
+                    (min_depth, max_depth))  # fmt: skip
+
+
+def _dataset(
+    name: str,
+    suffix: str,
+    entries: Callable[[Shard], Iterator[Entry]],
+    fields: Fields,
+    depth_unit: str | None,
+    file_list: Path | None,
+    limits: tuple[float, float],
+) -> Dataset:
+    if fields.keys not in ("member", "shard/member"):
+        raise UsageError(f"{name}: keys: expected member or shard/member, found {fields.keys!r}")
+    return Dataset(
+        name=name,
+        index=partial(_index, name, suffix, entries, fields, file_list),
+        read_depth=shard_depth(name, fields.depth, depth_unit, limits),
+        min_depth=limits[0],
+        max_depth=limits[1],
+        scene=scene,
+        shard=shard_of,
+    )
+
+
+def shard_depth(
+    name: str, depth: str | None, unit: str | None, limits: tuple[float, float]
+) -> Callable[[Path], np.ndarray]:
+    """The reader of ground truth in shards; raises UsageError unless depth and unit go together."""
+    if (depth is None) != (unit is None):
+        raise UsageError(
+            f"{name}: depth and depth_unit go together: what holds depth, and one of the units "
+            f"{', '.join(UNITS)} or m/N, N steps a metre; no unit is ever guessed"
+        )
+    if not 0 < limits[0] < limits[1]:
+        raise UsageError(
+            f"{name}: expected 0 < min_depth < max_depth, found {limits[0]} and {limits[1]}"
+        )
+    return no_depth if unit is None else any_file(unit, f"{name}: depth_unit")
+
+
+def no_depth(path: Path) -> np.ndarray:
+    """In place of a reader of ground truth where the dataset has none."""
+    raise RowError("the dataset was indexed without depth")
+
+
+def find_shards(name: str, root: Path, suffix: str, listed: Path | None) -> list[str]:
+    """Paths of the shards below a root, sorted; raises RsaDataError when there is none."""
+    if listed is not None:
+        found = sorted({path for _, path in paths(listed, name)})
+    else:
+        require_folder(name, root)
+        files = [below + file for below, names in files_below(root) for file in names]
+        found = sorted(file for file in files if file.endswith(suffix))
+        if not found:
+            others = ", ".join(sorted(files)[:4]) or "no file"
+            raise RsaDataError(
+                f"{name}: {root}: expected shards *{suffix} in it, found {others}"
+                + ("; unpack .gz first: what is packed cannot be read from the middle"
+                   if any(file.endswith(suffix + ".gz") for file in files) else "")
+            )  # fmt: skip
+    return found
+
+
+def split_of(shard: str) -> str:
+    """The split that a shard's folder or name says; train where they say none."""
+    match = _SPLIT.fullmatch(shard)
+    return match[1] if match else "train"
+
+
+def _index(
+    name: str,
+    suffix: str,
+    entries: Callable[[Shard], Iterator[Entry]],
+    fields: Fields,
+    listed: Path | None,
+    root: Path,
+    split: str | None,
+) -> pa.Table:
+    shards = find_shards(name, root, suffix, listed)
+    read = partial(_samples, name, root, entries, fields)
+    if is_remote(root):
+        with ThreadPoolExecutor(_LISTED_AT_ONCE) as pool:
+            found = list(pool.map(read, shards))
+    else:
+        found = list(map(read, shards))
+    return to_table(name, root, [s for samples in found for s in samples], split, in_order=True)
+
+
+def _samples(
+    name: str,
+    root: Path,
+    entries: Callable[[Shard], Iterator[Entry]],
+    fields: Fields,
+    shard: str,
+) -> list[Sample]:
+    """The samples of one shard, in its order."""
+    where = f"{name}: {shard}"
+    file = Shard(root / shard)
+    members: dict[str, dict[str, Entry]] = {}
+    for entry in entries(file):
+        if (match := _NAME.fullmatch(entry.name)) is None:
+            continue  # WebDataset leaves them out as well: hidden, or without an ending
+        key, ending = match[1].removeprefix("./"), match[2].lower()
+        inside(key if key[0] != "/" else f"/{key}", where)
+        if members.setdefault(key, {}).setdefault(ending, entry) is not entry:
+            raise RsaDataError(
+                f"{where}: expected one member {key}.{ending}, found two. Write the shard again"
+            )
+    return [_sample(root, shard, fields, key, parts) for key, parts in members.items()]
+
+
+def _sample(root: Path, shard: str, fields: Fields, key: str, parts: dict[str, Entry]) -> Sample:
+    where = f"{shard}: {key}"
+    image = fields.image
+    if image is None:
+        found = [ending for ending in parts if f".{ending}" in SUFFIXES]
+        if len(found) > 1:
+            raise UsageError(
+                f"{where}: expected one image, found {', '.join(found)}: say which by "
+                "--dataset-option image=ENDING"
+            )
+        image = found[0] if found else ""
+    about: dict[str, Any] = {}
+    if fields.scene or fields.split or fields.intrinsics:
+        about = _json(root, shard, parts.get("json"), where)
+    stem = shard.rpartition("/")[2].partition(".")[0]
+    key = key if fields.keys == "member" else f"{stem}/{key}"
+    return Sample(
+        split=_text(about, fields.split, where) or split_of(shard),
+        key=key,
+        scene=_text(about, fields.scene, where) or scene(key),
+        image=_address(shard, parts.get(image.lower())),
+        depth=_address(shard, parts.get((fields.depth or "").lower())),
+        camera=_camera(about, fields.intrinsics, where),
+    )
+
+
+def _address(shard: str, entry: Entry | None) -> str | None:
+    return None if entry is None else address(shard, entry.place, entry.size, entry.name)
+
+
+def _json(root: Path, shard: str, entry: Entry | None, where: str) -> dict[str, Any]:
+    if entry is None:
+        raise RsaDataError(f"{where}: expected a member .json with its fields, found none")
+    path = address(shard, entry.place, entry.size, entry.name)
+    try:
+        found = bounded.parse_json(bounded.read(located(root / path), "record"))
+    except (ValueError, RowError) as error:
+        raise RsaDataError(f"{where}.json: expected JSON, found: {error}") from error
+    if not isinstance(found, dict):
+        raise RsaDataError(f"{where}.json: expected an object, found {json.dumps(found):.60}")
+    return found
+
+
+def _text(about: dict[str, Any], field: str | None, where: str) -> str | None:
+    if field is None:
+        return None
+    value = about.get(field)
+    if not isinstance(value, (str, int)) or not str(value) or "/" in str(value):
+        raise RsaDataError(f"{where}.json: {field}: expected a name without /, found {value!r:.60}")
+    return str(value)
+
+
+def _camera(about: dict[str, Any], field: str | None, where: str) -> Camera:
+    if field is None or about.get(field) is None:
+        return UNKNOWN
+    return from_numbers(about[field], f"{where}.json: {field}")
