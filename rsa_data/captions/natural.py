@@ -18,8 +18,8 @@ from ..common import bounded, text_files
 from ..common.errors import RsaDataError
 from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
-from ..datasets.shards import name_of
 from ..datasets import rsa_files
+from ..datasets.shards import name_of
 from .columns import caption_table
 from .wordings.wording import NOTHING
 

@@ -125,11 +125,15 @@ class _Picture:
         found = value.get("path") if isinstance(value, dict) else value
         return found if isinstance(found, str) and found else None
 
-    def place(self, file: str, group: int, row: int, values: dict[str, Any], key: str) -> str | None:
+    def place(
+        self, file: str, group: int, row: int, values: dict[str, Any], key: str
+    ) -> str | None:
         """Where the picture of a row is, for samples; key : its name where it has no path."""
         path = self.path(values)
         if not self.inside:
             return path
+        if self.read and values.get(self.column) is None:
+            return None
         return address(file, group, row, f"{self.column}/{path or key}")
 
 

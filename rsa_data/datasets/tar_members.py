@@ -69,9 +69,7 @@ def read(shard: Shard, place: int, size: int, name: str) -> bytes:
     except tarfile.HeaderError:
         same = False
     if not same:
-        raise RowError(
-            f"expected {name} at byte {place} of {shard.path.name}, found something else"
-        )
+        raise RowError(f"expected {name} at byte {place} of {shard.path.name}, found another")
     if len(data) < size + _HEADER:
         raise RowError(f"expected {size} bytes of {name} in {shard.path.name}, found a cut file")
     return data[_HEADER:]

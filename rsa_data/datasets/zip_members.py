@@ -77,4 +77,4 @@ def read(shard: Shard, place: int, size: int, name: str) -> bytes:
 
 
 def _other(shard: Shard, place: int, name: str) -> RowError:
-    return RowError(f"expected {name} at byte {place} of {shard.path.name}, found something else")
+    return RowError(f"expected {name} at byte {place} of {shard.path.name}, found another")

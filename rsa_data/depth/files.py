@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import RowError, UsageError
-from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.depth_files import read_png16
 from ..datasets.images import image_size
 from ..datasets.pixel_files import float32, read_npy
 from ..datasets.shapes import check_aspect
+from ..datasets.shards import name_of
 from .model import Relative, Source
 
 

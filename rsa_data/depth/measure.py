@@ -11,10 +11,10 @@ from .. import registry
 from ..common.errors import RowError, UsageError
 from ..common.options import accepts_old_names
 from ..common.prefetch import each
-from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from ..datasets.shapes import check_aspect
+from ..datasets.shards import name_of
 from ..runner.stage import Notes, Stage
 from ..store import schemas
 from . import notes

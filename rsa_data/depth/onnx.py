@@ -12,9 +12,9 @@ from ..common.cards import card_of
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.model_files import local_file
 from ..common.onnx_sessions import open_session
-from ..datasets.shards import name_of
 from ..datasets import images
 from ..datasets.kitti import CROP
+from ..datasets.shards import name_of
 from .files import inverse
 from .model import Relative, Source
 

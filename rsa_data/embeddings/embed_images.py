@@ -15,6 +15,7 @@ from ..common.options import accepts_old_names
 from ..common.prefetch import ahead
 from ..datasets.images import read_image
 from ..datasets.roots import readers
+from ..datasets.shards import name_of
 from ..runner.stage import Stage
 from ..store import schemas
 from . import runtime as runtimes
@@ -119,7 +120,7 @@ def _batches(
     with ThreadPoolExecutor(readers(root)) as pool:
         for row, found in enumerate(ahead(pool, read, images, _BATCH)):
             if isinstance(found, RowError):
-                errors[row] = f"{images[row]}: {found}"
+                errors[row] = f"{name_of(images[row] or '')}: {found}"
             elif found is not None:
                 pixels.append(found)
                 rows.append(row)

@@ -12,9 +12,9 @@ import pyarrow as pa
 from ..common import class_names
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import each
-from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
+from ..datasets.shards import name_of
 from . import maps
 from .found import Found, to_segments
 from .segments import Segments, to_table

@@ -14,9 +14,9 @@ from ..common import class_names, names_files
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.prefetch import each
-from ..datasets.shards import name_of
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
+from ..datasets.shards import name_of
 from . import maps
 from .found import Found, to_segments
 from .segments import Segments, to_table

@@ -14,10 +14,10 @@ from ..common.model_files import local_file
 from ..common.onnx_sessions import Device, open_session
 from ..common.prefetch import ahead, settled
 from ..common.progress import advance
-from ..datasets.shards import name_of
 from ..datasets import images
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
+from ..datasets.shards import name_of
 from .graph import Detector, class_table, load
 from .graph_checks import Prepared
 from .label_maps import read_table

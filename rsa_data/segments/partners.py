@@ -122,8 +122,8 @@ def partner(found: Mapping[str, Key | None], image: str | None, where: str, what
         raise RowError(f"{where}: expected a {what} of the image {name_of(image)}, found none")
     if (record := found[image]) is None:
         raise RowError(
-            f"{where}: expected one {what} of the image {name_of(image)} and of no other image; found "
-            "several that fit by their names"
+            f"{where}: expected one {what} of the image {name_of(image)} and of no other image; "
+            "found several that fit by their names"
         )
     return record
 
