@@ -73,7 +73,7 @@ def _text_tower(files: object) -> object:
         for name, parameter in tower.named_parameters():
             if "ln_" not in name:
                 parameter.normal_(0, 0.02 if "embedding" in name else 512**-0.5)
-    return TextModel(tower, clip().encode, by_prefix, 512, PREFIX_AXES, 1024, False)
+    return TextModel(lambda: tower, clip().encode, by_prefix, 512, PREFIX_AXES, 1024, False)
 
 
 def _image_tower(files: object) -> object:

@@ -35,7 +35,7 @@ from rsa_data.embeddings.batches import PREFIX_AXES, by_length, by_prefix
 from rsa_data.embeddings.clip_text import TextTower
 from rsa_data.embeddings.encoder import Batch, Ids, TextModel
 from rsa_data.embeddings.graphs import graph
-from rsa_data.embeddings.runtime import in_onnx, in_torch
+from rsa_data.embeddings.running import in_onnx, in_torch
 
 DEFAULT = Path(__file__).parents[2] / "shared" / "data" / "rsa_release" / "nyu-train.tar.xz"
 BUDGET = 512
@@ -219,7 +219,7 @@ def main() -> None:
     ids, _ = clip().encode(texts)
     lengths = np.array([len(row) for row in ids])
     tower = random_tower()
-    model = TextModel(tower, clip().encode, by_prefix, BUDGET, PREFIX_AXES, 1024, False)
+    model = TextModel(lambda: tower, clip().encode, by_prefix, BUDGET, PREFIX_AXES, 1024, False)
     sources = {"benchmark": hashlib.sha256(str(torch.__version__).encode()).hexdigest()}
     trees, apart = list(by_prefix(ids, BUDGET)), list(alone(ids, BUDGET))
     nodes = sum(len(inputs["ids"]) for _, inputs in trees)

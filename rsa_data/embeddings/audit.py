@@ -13,13 +13,15 @@ MIN_COSINE = 0.995
 MAX_NORM_CHANGE = 0.02
 MAX_HEAD_CHANGE = 0.05  # 95th percentile over the sample, of scale and of shift
 
-# Texts compared in each part: enough for a 95th percentile, 1% of the work of a usual part.
-SAMPLE = 64
+# Texts of the first part that are compared: enough for a 95th percentile. Of the other parts a
+# share, which catches what only some texts show.
+FIRST, SHARE = 256, 0.01
 
 
-def sample(count: int) -> np.ndarray:
-    """Row numbers of at most SAMPLE rows, evenly over `count`."""
-    return np.unique(np.linspace(0, count - 1, min(SAMPLE, count)).astype(np.int64))
+def sample(count: int, part: int) -> np.ndarray:
+    """The rows of a part of `count` texts that are compared, evenly over it."""
+    size = min(count, FIRST) if part == 0 else int(np.ceil(SHARE * count))
+    return np.unique(np.linspace(0, count - 1, size).astype(np.int64))
 
 
 def compare(

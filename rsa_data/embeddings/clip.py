@@ -71,7 +71,7 @@ def _load(files: dict[str, Path]) -> TextModel:
     from ..common.tokenizers import clip
 
     return TextModel(
-        module=read_text_tower(files["weights"]),
+        network=lambda: read_text_tower(files["weights"]),
         tokenize=clip().encode,
         batches=by_prefix,
         budget=512,

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pyarrow as pa
@@ -17,9 +17,11 @@ from ..runner.stage import Notes, Reads, Stage
 from ..store import schemas
 from . import audit, runtime
 from .encoder import Encoder, Ids, TextModel
-from .runtime import Device, Precision, Run, Runtime
+from .running import Precision, Run
+from .runtime import Device, Runtime
 
 Step = Callable[[pa.Table], pa.Table]
+Chosen = Literal["float32", "float16", "bfloat16", "int8", "auto"]
 
 
 @accepts_old_names("embed")
@@ -27,7 +29,7 @@ def build(
     *,
     encoder: str = "clip-rn50",
     encoder_weights: Path | None = None,
-    precision: Precision = "float32",
+    precision: Chosen = "float32",
     store: Literal["float16", "float32"] = "float16",
     normalize: bool = False,
     runtime: Runtime = "auto",
@@ -42,8 +44,10 @@ def build(
     encoder : text encoder; see `rsa-data list encoders`.
     encoder_weights : file with the encoder's weights, or folder of a sentence encoder. By default
         it comes from its package, the cache, or a download with its checksum.
-    precision : arithmetic of the encoder; what is not float32 is compared with float32 on a sample
-        of every part, and refused beyond the limits in encoders/audit.py.
+    precision : arithmetic of the encoder. What is not float32 is compared with float32 on 256
+        texts of the first part and on 1% of the others, and refused beyond the limits in
+        embeddings/audit.py. auto is bfloat16 on a CPU or GPU that computes in it, else float32;
+        it is chosen once for a table.
     store : type of the stored features; float16 rounds each value by up to 4.9e-4 of itself.
     normalize : scale each feature to norm 1; the paper's heads want CLIP's features raw. An
         encoder whose own definition ends in a normalisation has it in any case.
@@ -70,7 +74,7 @@ def build(
         _check_finite(features, texts)
         figures = {}
         if precision != "float32" and texts:
-            rows = audit.sample(len(texts))
+            rows = audit.sample(len(texts), part_number(captions))
             reference = _all(exact, model, [ids[row] for row in rows])
             figures = audit.compare(features[rows], reference, precision, audit_head)
         if normalize:
@@ -112,12 +116,13 @@ def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[
             "ends were cut (`captions --max-tokens` writes shorter ones)"
         )
     if audits:
+        texts = sum(figures["texts"] for figures in audits)
         worst = {
             key: (min if "cosine" in key else max)(a[key] for a in audits) for key in audits[0]
         }
         sentences.append(
-            f"{options['precision']} against float32, the worst of {len(audits)} parts: cosine "
-            f"{worst['cosine_min']:.5f}, norm changed by {worst['norm_change_max']:.2%}"
+            f"{options['precision']} compared with float32 on {texts:,} texts: cosine at least "
+            f"{worst['cosine_min']:.5f}, norm changed by at most {worst['norm_change_max']:.2%}"
             + (
                 f", scale by {worst['scale_change_p95']:.1%} and shift by "
                 f"{worst['shift_change_p95']:.1%} (95th percentiles)"
@@ -151,6 +156,21 @@ def loaded(
     return encode
 
 
+def part_number(captions: pa.Table) -> int:
+    """The part of a table, by its metadata; 0 for captions of any other source."""
+    return int((captions.schema.metadata or {}).get(b"part", b"0"))
+
+
+def settle(options: dict[str, Any], there: dict[str, Any] | None) -> dict[str, Any]:
+    """The options with `precision = auto` resolved: as the table has it, else by this machine."""
+    if options["precision"] != "auto":
+        return options
+    if there is not None and there.get("precision") in get_args(Precision):
+        return {**options, "precision": there["precision"]}
+    chosen = runtime.native_precision(options["runtime"], options["device"])
+    return {**options, "precision": chosen}
+
+
 def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
     """Ids and texts of a captions part, each once, in order of first appearance."""
     encoded = captions["text_id"].combine_chunks().dictionary_encode()
@@ -176,12 +196,14 @@ def _encoder(encoder: str) -> Encoder[TextModel]:
 def _runners(
     encoder: str,
     encoder_weights: Path | None,
-    precision: Precision,
+    precision: Chosen,
     wanted: Runtime,
     device: Device,
     threads: int,
 ) -> tuple[Run, TextModel, Run]:
     """As runtime.runners, from the names of the options."""
+    if precision == "auto":
+        precision = runtime.native_precision(wanted, device)
     where = runtime.choose(precision, wanted, device)
     paths = files(encoder=encoder, encoder_weights=encoder_weights)
     return runtime.runners(_encoder(encoder).load(paths), paths, precision, where, threads)
@@ -217,7 +239,7 @@ def _check_finite(features: np.ndarray, texts: Sequence[str]) -> None:
 
 STAGE = Stage(
     name="embed",
-    version=1,
+    version=2,
     build=build,
     help="""Turn captions into text embeddings.
 
@@ -240,4 +262,5 @@ STAGE = Stage(
     local=("encoder_weights", "audit_head"),
     files=files,
     notes=Notes(("truncated", "n_tokens"), notes),
+    settle=settle,
 )

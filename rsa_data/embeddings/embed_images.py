@@ -20,6 +20,7 @@ from ..runner.stage import Stage
 from ..store import schemas
 from . import runtime as runtimes
 from .encoder import Batch, Encoder, ImageModel
+from .running import in_torch
 from .runtime import Device
 
 Step = Callable[[pa.Table], pa.Table]
@@ -57,7 +58,7 @@ def build(
     torch.set_num_threads(threads)
     _, on = runtimes.choose(precision, "torch", device)
     model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
-    run = runtimes.in_torch(model.module, precision, on)
+    run = in_torch(model.module, precision, on)
 
     def step(samples: pa.Table) -> pa.Table:
         images = samples["image"].to_pylist()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -20,7 +21,8 @@ Batch = tuple[np.ndarray, dict[str, np.ndarray]]
 class TextModel:
     """A text encoder with its weights.
 
-    module : takes the inputs of a batch by name, returns features of shape (b, dim).
+    network : makes the module that takes the inputs of a batch by name and returns features of
+        shape (b, dim). Called only where torch runs it, or a graph is made of it.
     tokenize : list of texts -> (Ids, bool of shape (n,), True where a text was cut).
     batches : (Ids, budget) -> batches that hold every text once; see encoders/batches.py.
     budget : the budget that runs fastest on a CPU, measured with benchmarks/embed.py.
@@ -29,13 +31,18 @@ class TextModel:
     normalized : whether features have norm 1 by the encoder's own definition.
     """
 
-    module: "torch.nn.Module"
+    network: Callable[[], "torch.nn.Module"]
     tokenize: Callable[[list[str]], tuple[Ids, np.ndarray]]
     batches: Callable[[Ids, int], Iterator[Batch]]
     budget: int
     axes: dict[str, tuple[str, ...]]
     dim: int
     normalized: bool
+
+    @cached_property
+    def module(self) -> "torch.nn.Module":
+        """What `network` makes, once."""
+        return self.network()
 
 
 @dataclass(frozen=True)

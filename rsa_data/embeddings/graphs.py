@@ -7,6 +7,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,10 @@ from ..common.errors import RsaDataError
 from ..common.extras import extras
 from ..common.files import cache_folder
 from .encoder import TextModel
-from .runtime import in_onnx, in_torch
+from .running import in_onnx, in_torch
 
 # Bumped by hand when the modules' code changes in a way that an old graph would not follow.
-_VERSION = 2
+_VERSION = 3
 
 # What a graph may differ from torch by, in float32: 1 - cosine, and the norm's relative change.
 _TOLERANCE = 1e-5
@@ -34,9 +35,8 @@ def graph(model: TextModel, sources: dict[str, str], *, int8: bool = False) -> P
     Raises RsaDataError when the extra `export` is missing, when the graph does not compute what
     torch does, or when the cache cannot be written.
     """
-    import torch
-
-    key = repr((_VERSION, sorted(sources.items()), torch.__version__, sorted(model.axes.items())))
+    exporter = metadata.version("torch")
+    key = repr((_VERSION, sorted(sources.items()), exporter, sorted(model.axes.items())))
     folder = cache_folder("graphs") / hashlib.sha256(key.encode()).hexdigest()[:32]
     exact, rounded = folder / "float32.onnx", folder / "int8.onnx"
     wanted = rounded if int8 else exact

@@ -55,7 +55,7 @@ def load(files: dict[str, Path]) -> TextModel:
         )
     max_tokens = int(model.config.max_position_embeddings)
     return TextModel(
-        module=_module(model, output),
+        network=lambda: _module(model, output),
         tokenize=tokenize_with(folder, max_tokens, fill),
         batches=by_length,
         budget=1024,

@@ -1,29 +1,23 @@
-"""Running an encoder: torch on a CPU or GPU, or ONNX Runtime on a CPU."""
+"""Where and in which precision an encoder runs, and what runs it there."""
 
-from collections.abc import Callable, Iterable, Iterator
+import ctypes
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
+from typing import Literal
 
 from ..common.digests import file_sha256
 from ..common.errors import UsageError
-from .encoder import Batch, TextModel
-
-if TYPE_CHECKING:
-    import torch
+from ..runner.cpu import cpu_type
+from .encoder import TextModel
+from .graphs import graph
+from .running import Precision, Run, in_onnx, in_torch
 
 # A GPU wants larger batches than a CPU's cache does.
 _GPU_FACTOR = 64
 
-Precision = Literal["float32", "float16", "bfloat16", "int8"]
 Runtime = Literal["auto", "torch", "onnx"]
 Device = Literal["auto", "cpu", "cuda"]
-
-Run = Callable[[Iterable[Batch]], Iterator[tuple[np.ndarray, np.ndarray]]]
-"""Batches -> (row numbers, features float32 of shape (b, dim)) of each, in order."""
 
 
 def choose(precision: Precision, runtime: Runtime, device: Device) -> tuple[str, str]:
@@ -33,12 +27,10 @@ def choose(precision: Precision, runtime: Runtime, device: Device) -> tuple[str,
     to the full (measured: twice as fast on an AMD EPYC), and the only one with int8. It needs the
     extra `export` to make its graph.
     """
-    import torch
-
-    if device == "cuda" and not torch.cuda.is_available():
+    if device == "cuda" and not _gpu():
         raise UsageError("--device cuda: this torch finds no GPU; use --device cpu")
     if device == "auto":
-        device = "cuda" if runtime != "onnx" and torch.cuda.is_available() else "cpu"
+        device = "cuda" if runtime != "onnx" and _gpu() else "cpu"
     if precision == "int8" and (runtime == "torch" or device == "cuda"):
         raise UsageError("--precision int8 runs in ONNX Runtime on a CPU: use --device cpu")
     if precision == "float16" and device == "cpu":
@@ -49,6 +41,32 @@ def choose(precision: Precision, runtime: Runtime, device: Device) -> tuple[str,
         fast = device == "cpu" and precision == "float32" and _can_export()
         runtime = "onnx" if fast or precision == "int8" else "torch"
     return runtime, device
+
+
+def native_precision(runtime: Runtime, device: Device) -> Precision:
+    """bfloat16 where the processor that would run the encoder computes in it, else float32."""
+    if runtime == "onnx":
+        return "float32"
+    if device == "cuda" or (device == "auto" and _gpu()):
+        import torch
+
+        return "bfloat16" if torch.cuda.is_bf16_supported(including_emulation=False) else "float32"
+    # x86 and Arm have their own names for it.
+    native = {"avx512_bf16", "bf16"} & set(cpu_type().split())
+    return "bfloat16" if native else "float32"
+
+
+def _gpu() -> bool:
+    """Whether torch finds a GPU; without a driver it is not even imported, which takes a second."""
+    for driver in ("libcuda.so.1", "nvcuda.dll", "libamdhip64.so"):
+        try:
+            ctypes.CDLL(driver)
+        except OSError:
+            continue
+        import torch
+
+        return torch.cuda.is_available()
+    return False
 
 
 def _can_export() -> bool:
@@ -69,63 +87,17 @@ def runners(
     paths : the files that the model was loaded from; a graph in the cache is theirs.
     where : as `choose` gives it.
     """
-    import torch
-
-    torch.set_num_threads(threads)
     if where[0] == "onnx":
-        from .graphs import graph
-
         sources = {name: file_sha256(str(path)) for name, path in paths.items()}
         exact = in_onnx(graph(model, sources), threads)
         run = in_onnx(graph(model, sources, int8=True), threads) if precision == "int8" else exact
         return run, model, exact
+    import torch
+
+    torch.set_num_threads(threads)
     if where[1] == "cuda":
         model = replace(model, budget=model.budget * _GPU_FACTOR)
     exact = run = in_torch(model.module, "float32", where[1])
     if precision != "float32":
         run = in_torch(deepcopy(model.module), precision, where[1])
     return run, model, exact
-
-
-def in_torch(module: "torch.nn.Module", precision: Precision, device: str) -> Run:
-    """A module that takes the inputs of a batch by name, in torch.
-
-    While a GPU computes one batch, the next one is made on the host.
-    """
-    import torch
-
-    module = module.to(torch.device(device), getattr(torch, precision)).eval()
-
-    @torch.inference_mode()
-    def forward(inputs: dict[str, np.ndarray]) -> torch.Tensor:
-        tensors = {name: torch.from_numpy(value) for name, value in inputs.items()}
-        if device == "cuda":
-            # Pinned memory lets the copy run beside the computation.
-            tensors = {n: t.pin_memory().to(device, non_blocking=True) for n, t in tensors.items()}
-        features: torch.Tensor = module(**tensors)
-        return features
-
-    def run(batches: Iterable[Batch]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        waiting: tuple[np.ndarray, torch.Tensor] | None = None
-        for rows, inputs in batches:
-            features = forward(inputs)
-            if waiting:
-                yield waiting[0], waiting[1].float().cpu().numpy()
-            waiting = rows, features
-        if waiting:
-            yield waiting[0], waiting[1].float().cpu().numpy()
-
-    return run
-
-
-def in_onnx(graph: Path, threads: int) -> Run:
-    """A graph whose inputs have the names of a batch's, in ONNX Runtime on the CPU."""
-    from ..common.onnx_sessions import open_session
-
-    session: Any = open_session(graph, threads, "cpu")
-
-    def run(batches: Iterable[Batch]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        for rows, inputs in batches:
-            yield rows, session.run(None, inputs)[0]
-
-    return run

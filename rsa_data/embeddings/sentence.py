@@ -48,15 +48,16 @@ def load(files: dict[str, Path]) -> TextModel:
         )
     form = {"max_seq_length": "a side in px"}
     max_tokens = _json(files["sentence_bert_config.json"], form)["max_seq_length"]
-    module = _module(files["config.json"].parent, pooling, steps[-1] == "Normalize")
+    normalized = steps[-1] == "Normalize"
+    width = _json(files["config.json"], {"hidden_size": "a side in px"})["hidden_size"]
     return TextModel(
-        module=module,
+        network=lambda: _module(files, pooling, normalized),
         tokenize=_tokenize(files["tokenizer.json"], max_tokens),
         batches=by_length,
         budget=1024,
         axes=LENGTH_AXES,
-        dim=module.dim,
-        normalized=steps[-1] == "Normalize",
+        dim=width,
+        normalized=normalized,
     )
 
 
@@ -98,24 +99,45 @@ def _tokenize(path: Path, max_tokens: int) -> Any:
     return encode
 
 
-def _module(folder: Path, pooling: str, normalize: bool) -> Any:
+def _network(files: dict[str, Path]) -> Any:
+    """A network (ids, read) -> rows of shape (b, t, dim)."""
+    from . import bert
+
+    config = bert.config_of(files["config.json"])
+    if config is not None and "model.safetensors" in files:
+        return bert.load(files["model.safetensors"], config)
     import torch
-    from torch.nn import functional as F
     from transformers import AutoModel
 
-    model = load_model(AutoModel, folder)
+    model = load_model(AutoModel, files["config.json"].parent)
 
-    class SentenceEncoder(torch.nn.Module):
-        dim = int(model.config.hidden_size)
-
+    class Rows(torch.nn.Module):
         def __init__(self) -> None:
             super().__init__()
             self.model = model
 
+        def forward(self, ids: torch.Tensor, read: torch.Tensor) -> torch.Tensor:
+            found = self.model(input_ids=ids, attention_mask=read.long())
+            rows: torch.Tensor = found.last_hidden_state  # (b, t, dim)
+            return rows
+
+    return Rows()
+
+
+def _module(files: dict[str, Path], pooling: str, normalize: bool) -> Any:
+    import torch
+    from torch.nn import functional as F
+
+    network = _network(files)
+
+    class SentenceEncoder(torch.nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.model = network
+
         def forward(self, ids: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
             read = torch.arange(ids.shape[1], device=ids.device) < lengths[:, None]  # (b, t)
-            out = self.model(input_ids=ids, attention_mask=read.long())
-            rows = out.last_hidden_state.float()  # (b, t, dim)
+            rows = self.model(ids, read).float()  # (b, t, dim)
             if pooling == "cls_token":
                 rows = rows[:, 0]  # (b, dim)
             elif pooling == "max_tokens":

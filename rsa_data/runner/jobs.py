@@ -65,11 +65,19 @@ def job(
         work=work.store.location,
         dataset=dataset,
         stage=stage.name,
-        options=configured.options,
+        options=stage.settle(configured.options, _options_of(work.table(dataset, output))),
         inputs=inputs,
         output=output,
         root=str(place) if place else None,
     )
+
+
+def _options_of(table: Table) -> Options | None:
+    """The options that a table was made with; None where there is none, or a damaged one."""
+    try:
+        return table.description().options if table.exists() else None
+    except RsaDataError:
+        return None  # said where the table is used
 
 
 def _check_free(stage: Stage, label: str) -> None:

@@ -53,6 +53,7 @@ def run_part(
         job.table(name).read(number, receipt=receipt, check=True)
         for name, receipt in receipts.items()
     ]
+    inputs[0] = _numbered(inputs[0], number)
     made = step(*inputs)
     counts = account(inputs[0], made, stage.unit, f"{job.dataset}/{job.output} part {number}")
     digests = {name: receipt.digest for name, receipt in receipts.items()}
@@ -74,6 +75,12 @@ def run_part(
         ),
         redo=redo,
     )
+
+
+def _numbered(table: pa.Table, number: int) -> pa.Table:
+    """The table with the number of its part in its metadata, for steps that sample a table."""
+    metadata = {**(table.schema.metadata or {}), b"part": str(number).encode()}
+    return table.replace_schema_metadata(metadata)
 
 
 def _measured(made: pa.Table) -> dict[str, Any] | None:

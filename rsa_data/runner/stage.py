@@ -63,6 +63,10 @@ def _accepted(**options: Any) -> None:
     """Nothing to refuse."""
 
 
+def _as_bound(options: Options, there: Options | None) -> Options:
+    return options
+
+
 def _no_samples(choice: str, dataset: Dataset) -> pa.Table | None:
     return None
 
@@ -92,6 +96,8 @@ class Stage:
     identity : what else the content follows from, such as versions and vocabularies.
     notes : sentences for the summary of a run.
     check : raises UsageError for options that cannot be meant, before anything is written.
+    settle : (bound options, those of the table where it is there already) -> the options with what
+        this machine decides, such as a precision, decided once for a table.
     index : (the selector's value, dataset) -> samples of a dataset without files, or None.
     """
 
@@ -113,6 +119,7 @@ class Stage:
     identity: Callable[..., dict[str, Any]] = _nothing
     notes: Notes | None = None
     check: Callable[..., None] = _accepted
+    settle: Callable[[Options, Options | None], Options] = _as_bound
     index: Callable[[str, Dataset], pa.Table | None] = _no_samples
 
     @property

@@ -66,10 +66,11 @@ def save_siglip(folder):
     return lambda inputs: model.text_model(input_ids=inputs["input_ids"]).pooler_output
 
 
-def save_sentence(folder, pooling="mean_tokens", normalize=True, extra=()):
+def save_sentence(folder, pooling="mean_tokens", normalize=True, extra=(), **settings):
     from transformers import BertConfig, BertModel
 
-    config = BertConfig(**{k: v for k, v in SIZES.items() if k != "max_position_embeddings"})
+    sizes = {k: v for k, v in SIZES.items() if k != "max_position_embeddings"}
+    config = BertConfig(**sizes, **settings)
     model = randomize(BertModel(config))
     model.save_pretrained(folder)
     save_tokenizer(folder, 12)
@@ -99,9 +100,21 @@ def save_max_sentence(folder):
     return save_sentence(folder, "max_tokens")
 
 
+def save_sentence_of_another_network(folder):
+    return save_sentence(folder, hidden_act="gelu_new")
+
+
+SENTENCES = [
+    save_sentence,
+    save_raw_cls_sentence,
+    save_max_sentence,
+    save_sentence_of_another_network,
+]
+
+
 @pytest.mark.parametrize(
     "save",
-    [save_clip, save_siglip, save_sentence, save_raw_cls_sentence, save_max_sentence],
+    [save_clip, save_siglip, *SENTENCES],
     ids=lambda save: save.__name__[5:],
 )
 def test_features_equal_transformers_text_by_text(save, tmp_path):

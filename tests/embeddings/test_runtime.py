@@ -10,8 +10,8 @@ from tiny_encoders import captions
 
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.embeddings import audit
-from rsa_data.embeddings.embed import build, encode, notes
+from rsa_data.embeddings import audit, runtime
+from rsa_data.embeddings.embed import build, encode, notes, settle
 from rsa_data.store import schemas
 
 TEXTS = [
@@ -65,7 +65,29 @@ def test_faster_precisions_are_close_and_audited(precision):
     assert figures["texts"] == len(TEXTS)
     assert figures["cosine_min"] == pytest.approx(cosine.min(), abs=1e-6)
     sentence = notes([table], captions(TEXTS), **options)[-1]
-    assert sentence.startswith(f"{precision} against float32, the worst of 1 parts: cosine 0.99")
+    assert sentence.startswith(
+        f"{precision} compared with float32 on {len(TEXTS)} texts: cosine at least 0.99"
+    )
+
+
+def test_the_audit_looks_at_256_texts_and_then_at_one_in_a_hundred():
+    assert len(audit.sample(5000, part=0)) == 256
+    assert audit.sample(100, part=0).tolist() == list(range(100))
+    later = audit.sample(5000, part=7)
+    assert len(later) == 50
+    assert later[0] == 0 and later[-1] == 4999
+    assert len(audit.sample(3, part=7)) == 1
+
+
+def test_auto_is_what_the_table_has_or_what_the_cpu_does(monkeypatch):
+    options = {"precision": "auto", "runtime": "torch", "device": "cpu"}
+    for types, wanted in (("x86_64 avx2", "float32"), ("x86_64 avx2 avx512_bf16", "bfloat16")):
+        monkeypatch.setattr(runtime, "cpu_type", lambda types=types: types)
+        assert settle(options, None) == {**options, "precision": wanted}
+        assert settle({**options, "runtime": "onnx"}, None)["precision"] == "float32"
+        for there in ("float32", "bfloat16"):
+            assert settle(options, {"precision": there}) == {**options, "precision": there}
+    assert settle({**options, "precision": "int8"}, {"precision": "float32"})["precision"] == "int8"
 
 
 def test_audit_stops_what_changes_too_much():

@@ -73,7 +73,7 @@ def load(files) -> TextModel:
         for name, parameter in tower.named_parameters():
             scale = 1.0 if "ln_" in name and "weight" in name else 0.0
             parameter.normal_(scale, 0.1 if "embedding" in name else 0.05)
-    return TextModel(tower, clip().encode, by_prefix, 64, PREFIX_AXES, 32, False)
+    return TextModel(lambda: tower, clip().encode, by_prefix, 64, PREFIX_AXES, 32, False)
 
 
 TINY = Encoder("A tiny CLIP.", lambda argument, weights: {}, load)
