@@ -46,7 +46,7 @@ def demo(work: str) -> None:
     click.echo(f"all of it in {console.duration(time.monotonic() - begun)}; nothing here was real")
     words = "An image with bed occupies 31.00% of the image, wall occupies 30.00% of the image"
     click.echo(f'next: rsa-data predict --head demo --work {work} --caption "{words}"')
-    click.echo("then your own images: data/README.md, folder")
+    click.echo("for your own images: rsa-data list datasets folder")
 
 
 def draw(work: WorkDir, datasets: list[str], path: Path) -> None:

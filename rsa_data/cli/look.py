@@ -8,6 +8,7 @@ import click
 from .. import registry
 from ..common import class_names, options
 from ..common.errors import RsaDataError, unknown
+from ..datasets import guide
 from ..runner import pipeline_files
 from ..runner import recompute as recomputing
 from ..runner import status as state
@@ -81,17 +82,23 @@ def show(work: str, sample_id: str, head: str | None, out: Path) -> None:
 
 @click.command("list")
 @click.argument("what", required=False)
-def list_names(what: str | None) -> None:
+@click.argument("name", required=False)
+def list_names(what: str | None, name: str | None) -> None:
     """List the names that options take.
 
     WHAT is one of datasets, segmenters, decoders, class-tables, styles, tokenizers, encoders,
-    image-encoders, depth-models, heads and jobs; all of them by default.
+    image-encoders, depth-models, heads and jobs; all of them by default. With the NAME of a
+    dataset: where to get it, how its files must lie, and its options.
 
     \b
       rsa-data list datasets
+      rsa-data list datasets nyuv2
     """
     if what is not None and what not in _KINDS:
         raise unknown("kind", what, _KINDS)
+    if name is not None and what is not None:
+        _one(what, name)
+        return
     for kind in [what] if what else _KINDS:
         click.echo(f"{kind}:")
         for name, doc in _KINDS[kind]():
@@ -100,7 +107,20 @@ def list_names(what: str | None) -> None:
                 for line in _dataset_options(name):
                     click.echo(f"  {'':28}   {line}")
     if what == "datasets":
-        click.echo("data/README.md says where to get each one and how it must lie.")
+        click.echo("Where to get one and how its files must lie: rsa-data list datasets NAME")
+
+
+def _one(what: str, name: str) -> None:
+    """All that is known of one name."""
+    known = dict(_KINDS[what]())
+    if name not in known:
+        raise unknown(what.rstrip("s"), name, known)
+    click.echo(f"{name}: {known[name]}")
+    if what == "datasets":
+        click.echo(guide.section(name))
+        click.echo("options (--dataset-option NAME=VALUE):")
+        for line in _dataset_options(name):
+            click.echo(f"  {line}")
 
 
 def _dataset_options(name: str) -> list[str]:

@@ -58,6 +58,10 @@ COMMANDS = {
     "play": ("rsa_data.cli.play:play", "Try a head in the browser."),
     "export": ("rsa_data.cli.export:export", "Write captions and features as a dataset."),
     "list": ("rsa_data.cli.look:list_names", "List the names that options take."),
+    "models": (
+        "rsa_data.cli.models:models",
+        "Show, fetch and check models.",
+    ),
     "demo": ("rsa_data.cli.demo:demo", "Run the whole chain on synthetic scenes."),
 }
 

@@ -43,6 +43,19 @@ def local_file(card: Card, given: Path | None = None, option: str | None = "--we
     )
 
 
+def found(card: Card) -> Path | None:
+    """The model's file if it is on this machine, unchecked; nothing is downloaded."""
+    own = cached_path(card)
+    if own.is_file():
+        return own
+    if not card.hub or not card.file:
+        return None
+    from huggingface_hub import try_to_load_from_cache
+
+    path = try_to_load_from_cache(card.hub, card.file, revision=card.revision)
+    return Path(path) if isinstance(path, str) else None
+
+
 def cached_path(card: Card) -> Path:
     """Where a model's file lies once it was downloaded from a URL or put there by hand."""
     version = (card.sha256 or card.revision or "any")[:16]

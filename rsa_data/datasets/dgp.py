@@ -52,8 +52,8 @@ def read_scene(path: Path) -> tuple[View, ...]:
     except (OSError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as error:
         what = f"{type(error).__name__}: {error}"
         raise RsaDataError(
-            f"ddad: {path}: expected a DGP scene with its calibration, found {what}; see the "
-            "section ddad of data/README.md"
+            f"ddad: {path}: expected a DGP scene with its calibration, found {what}; see "
+            "`rsa-data list datasets ddad`"
         ) from error
 
 

@@ -85,9 +85,11 @@ def find_root(work: WorkDir, name: str, given: Path | None = None) -> Path | Non
 def missing_root(dataset: Dataset) -> RsaDataError:
     """The error for a dataset whose files are needed and cannot be found."""
     variable = f"RSA_DATA_{dataset.name.upper().replace('-', '_')}_ROOT"
+    page = dataset.name if dataset.name in registry.DATASETS else "folder"
     return RsaDataError(
         f"dataset {dataset.name}: expected its files at data/{dataset.name}; no such folder. Give "
-        f"--root DIR or set {variable}; data/README.md says where to get it and how it must lie"
+        f"--root DIR or set {variable}. `rsa-data list datasets {page}` says where to get it "
+        "and how its files must lie"
     )
 
 

@@ -88,7 +88,7 @@ def to_table(
 
 def guide(name: str) -> str:
     """The way out of every error about a layout."""
-    return f"see the section {name} of data/README.md"
+    return f"see `rsa-data list datasets {name}`"
 
 
 def require_folder(name: str, root: Path, *wanted: str) -> None:

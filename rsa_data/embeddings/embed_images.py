@@ -1,6 +1,6 @@
 """The stage embed-images: every image of a part through a frozen image encoder."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
@@ -100,6 +100,19 @@ def files(
         raise UsageError(f"--encoder-weights: there is no file or folder at {encoder_weights}")
     argument = registry.IMAGE_ENCODERS.split(encoder)[1]
     return _encoder(encoder).files(argument or None, encoder_weights)
+
+
+def encode(
+    images: Sequence[np.ndarray], *, encoder: str, encoder_weights: Path | None = None
+) -> np.ndarray:
+    """Features of a few images, uint8 (h, w, 3), RGB: float32 (n, dim)."""
+    model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
+    run = runtimes.in_torch(model.module, "float32", "cpu")
+    features = np.zeros((len(images), model.dim), np.float32)
+    pixels = np.stack([model.prepare(image) for image in images])
+    for rows, found in run(iter([(np.arange(len(images)), {"pixels": pixels})])):
+        features[rows] = found
+    return features
 
 
 def _encoder(encoder: str) -> Encoder[ImageModel]:

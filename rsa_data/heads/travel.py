@@ -61,6 +61,8 @@ def _write(files: dict[Path, bytes]) -> list[Path]:
 
 def from_file(path: Path) -> "ScaleHead":
     """A head from a file that `export_head` wrote, or from a released RSA checkpoint."""
+    from safetensors import SafetensorError
+
     from .released import read_released
 
     try:
@@ -72,7 +74,10 @@ def from_file(path: Path) -> "ScaleHead":
         raise RsaDataError(f"{path}: cannot be read: {error.strerror or error}") from error
     # safetensors begins with the length of its JSON header; a PyTorch file is a ZIP or a pickle.
     if start[8:9] != b"{":
-        return read_released(path)
+        try:
+            return read_released(path)
+        except SafetensorError as error:
+            raise RsaDataError(f"{path}: expected a head; found {error}") from error
     return _from_bytes(path.read_bytes(), str(path))
 
 

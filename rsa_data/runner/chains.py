@@ -69,7 +69,7 @@ def samples(
     sizes = {k: kept.pop(k) for k in ("part_size", "test_part_size") if k in kept}
     found = index.find_root(work, dataset.name, root)
     if root and not is_remote(root) and not root.is_dir() and dataset.prepare is None:
-        raise RsaDataError(f"--root {root}: expected a folder; there is none. See data/README.md")
+        raise RsaDataError(f"--root {root}: expected a folder; there is none")
     if dataset.prepare is not None:
         found = found or Path("data") / dataset.name
         if is_remote(found):

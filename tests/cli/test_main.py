@@ -72,7 +72,7 @@ def test_old_spellings_in_a_pipeline_file_and_in_its_changes(tmp_path):
         (["caption"], 2, "Did you mean 'captions'?"),
         (["captions"], 2, "--dataset"),
         (["captions", "--dataset", "nyuv"], 2, "Did you mean 'nyuv2'?"),
-        (["captions", "--dataset", "nyuv2"], 1, "data/README.md"),
+        (["captions", "--dataset", "nyuv2"], 1, "rsa-data list datasets nyuv2"),
         (["captions", "--dataset", "nyuv2", "--root", "nowhere"], 1, "nowhere"),
         (["captions", "--dataset", "nyuv2", "--part-range", "3"], 2, "expected FIRST:LAST"),
         (["captions", "--dataset", "folder:x", "--dataset-option", "depth_uni=m"], 2, "depth_unit"),
@@ -100,3 +100,11 @@ def test_list_datasets_shows_their_options():
     listed = run("list", "datasets").stdout
     assert "depth_unit=...: unit of the depth files: m, cm, mm, or m/N" in listed
     assert "test_last=0: frames at the end of each sequence" in listed
+
+
+@pytest.mark.parametrize("name", ["nyuv2", "synthetic-street", "folder"])
+def test_list_datasets_shows_the_page_of_one(name):
+    done = run("list", "datasets", name)
+    assert done.returncode == 0
+    assert "    " in done.stdout and "options (--dataset-option NAME=VALUE):" in done.stdout
+    assert run("list", "datasets", "nyu").returncode == 2

@@ -224,7 +224,7 @@ def test_a_missing_root_names_the_way_out(tmp_path, name):
     dataset = registry.resolve("dataset", registry.DATASETS, name)()
     with pytest.raises(RsaDataError, match=rf"{name}: expected .*see the section {name} of data/"):
         dataset.index(tmp_path / "nowhere", None)
-    with pytest.raises(RsaDataError, match=rf"{name}: .*see the section {name} of data/README.md"):
+    with pytest.raises(RsaDataError, match=rf"{name}: .*see `rsa-data list datasets {name}`"):
         dataset.index(tmp_path, None)
 
 

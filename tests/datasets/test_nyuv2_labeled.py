@@ -95,7 +95,7 @@ def test_a_stopped_unpacking_goes_on_and_a_finished_one_needs_no_file(root):
 
 def test_missing_and_damaged_files_are_named(root):
     (root / "splits.mat").unlink()
-    with pytest.raises(RsaDataError, match=r"expected splits\.mat, found neither .*README\.md"):
+    with pytest.raises(RsaDataError, match=r"expected splits\.mat, found neither .*list datasets"):
         nyuv2_labeled().prepare(root)
     (root / "splits.mat").write_bytes(b"not a MATLAB file")
     with pytest.raises(RsaDataError, match=r"splits\.mat as NYU gives them, found: "):

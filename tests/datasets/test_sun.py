@@ -114,7 +114,7 @@ def test_sunrgbd_says_what_is_wrong(sun):
     with pytest.raises(RsaDataError, match=r"val_splits.txt line 1: expected `SUNRGBD/"):
         sunrgbd().index(sun, None)
     (sun / "SUNRGBD_val_splits.txt").unlink()
-    with pytest.raises(RsaDataError, match=r"expected the test list .*data/README.md"):
+    with pytest.raises(RsaDataError, match=r"expected the test list .*list datasets sun"):
         sunrgbd().index(sun, None)
 
 

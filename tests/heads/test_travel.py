@@ -1,0 +1,113 @@
+"""Heads that travel: exported, read from a file, an address or by a ready name."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+from safetensors.torch import load_file, save_file
+
+from rsa_data.cli.main import cli
+from rsa_data.common import cards, model_files
+from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.heads import travel
+from rsa_data.heads.checkpoint import ScaleHead, build_network
+from rsa_data.heads.predict.find import find
+from rsa_data.store.tables import WorkDir
+
+FEATURES = np.random.default_rng(0).normal(size=(5, 384)).astype(np.float32)
+
+
+@pytest.fixture
+def work(tmp_path) -> WorkDir:
+    """Two heads, untrained."""
+    work = WorkDir(tmp_path / "work")
+    features = {"dim": 384, "style": "occupancy", "encoder": "minilm", "files": None}
+    features["options"] = {"encoder": "minilm", "normalize": False}
+    for seed, name in enumerate(("one", "two")):
+        torch.manual_seed(seed)
+        about = {"format": 1, "architecture": {"name": "mlp3"}, "features": features}
+        about["depth_model"] = {"model": "tu2020", "geometry": {"a": {"geometry": "320x240"}}}
+        about["datasets"] = {"nyuv2": {"images": 7, "validation_images": 2}}
+        network = build_network(about["architecture"], 384)
+        head = ScaleHead(network, about, torch.zeros(384), torch.ones(384))
+        head.save(work.store, f"heads/{name}")
+    return work
+
+
+@pytest.mark.parametrize("place", ["one.safetensors", "folder"])
+def test_a_head_is_the_same_elsewhere(work, tmp_path, place):
+    there = tmp_path / "new" / place
+    words = ["export-head", "one", str(there), "--work", work.store.location]
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.output
+    head, own = find(WorkDir(tmp_path / "none"), str(there)), find(work, "one")
+    for mine, theirs in zip(own(FEATURES), head(FEATURES), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert head.description["depth_model"]["model"] == "tu2020"
+    card = (there / "README.md").read_text() if there.is_dir() else _metadata(there)["README.md"]
+    for text in ("mlp3", "minilm", "occupancy", "tu2020", "320x240", "nyuv2: 7 images", "Licences"):
+        assert text in card
+
+
+def _metadata(path):
+    data = path.read_bytes()
+    return json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"]
+
+
+def test_a_path_comes_before_a_name_and_a_name_before_a_ready_one(work, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(work.store.folder / "heads/one", tmp_path / "two")
+    np.testing.assert_array_equal(find(work, "two")(FEATURES), find(work, "one")(FEATURES))
+    shutil.rmtree(tmp_path / "two")
+    assert not np.array_equal(find(work, "two")(FEATURES)[0], find(work, "one")(FEATURES)[0])
+    with pytest.raises(UsageError, match="holds several: one, two"):
+        find(work, None)
+    with pytest.raises(UsageError, match=r"Did you mean 'rsa-midas'"):
+        find(work, "rsa-mida")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda about: about["architecture"].update(name="os:system"), "os:system"),
+        (lambda about: about.update(format=9), "expected format 1; found 9"),
+        (lambda about: about["features"].update(dim=12), "expected"),
+    ],
+)
+def test_a_file_that_asks_for_anything_else_is_refused(work, tmp_path, change, message):
+    path = tmp_path / "h.safetensors"
+    travel.export_head(work, "one", path)
+    about = json.loads(_metadata(path)["head.json"])
+    change(about)
+    save_file(load_file(path), path, {"head.json": json.dumps(about)})
+    with pytest.raises(RsaDataError, match=message):
+        find(work, str(path))
+
+
+@pytest.mark.parametrize("data", [b"", b"no head", b"\x10\0\0\0\0\0\0\0{}", b"\xff" * 8 + b"{"])
+def test_other_files_are_refused(work, tmp_path, data):
+    path = tmp_path / "h.safetensors"
+    path.write_bytes(data)
+    with pytest.raises(RsaDataError, match=r"h\.safetensors"):
+        find(work, str(path))
+    save_file({"a": torch.zeros(1)}, path)
+    with pytest.raises(RsaDataError, match="expected a file of `rsa-data export-head`"):
+        find(work, str(path))
+
+
+def test_a_ready_head_knows_its_depth_model(work, shared, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    card = cards.read_card(cards.card_path("rsa-depth-anything"))
+    place = model_files.cached_path(card)
+    place.parent.mkdir(parents=True)
+    shutil.copy(shared / "rsa_heads/da_lanscale.pt", place)
+    head = find(work, "rsa-depth-anything")
+    assert head.description["depth_model"]["model"] == "depth-anything-small"
+    (way,) = head.description["depth_model"]["geometry"].values()
+    assert way["geometry"] == "560x434"
+    place.write_bytes(b"other bytes")
+    with pytest.raises(RsaDataError, match=f"expected sha256 {card.sha256}"):
+        find(work, "rsa-depth-anything")
