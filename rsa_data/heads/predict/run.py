@@ -1,0 +1,202 @@
+"""One call of predict: what is loaded once, and the photos one after the other."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...common.errors import RowError, RsaDataError, UsageError
+from ..metric import to_metric
+from . import known_depth, needs
+from .camera import camera_of
+from .choices import Hints, Models, View
+from .from_captions import from_captions
+from .images import captions_of, describer, relative_map, relative_source
+from .objects import seen
+from .photos import Photo
+from .prediction import Prediction
+
+if TYPE_CHECKING:
+    from ...segments.segments import Segments
+    from ..checkpoint import ScaleHead
+
+# Share of the pixels without a finite depth above which that is said.
+_HOLES = 0.01
+
+
+class Run:
+    """One call: what is loaded once, and the photos one after the other."""
+
+    def __init__(
+        self,
+        head: "ScaleHead | None",
+        about: dict[str, Any],
+        texts: list[str],
+        models: Models,
+        hints: Hints,
+        view: View,
+    ):
+        self.head, self.about, self.texts = head, about, texts
+        self.models, self.hints, self.view = models, hints, view
+        self.encode: Callable[[Sequence[str]], np.ndarray] | None = None
+        self.without_depth = ""
+
+    def over(self, photos: list[Photo]) -> Iterator[Prediction]:
+        """The predictions, in order."""
+        self._check(bool(photos))
+        if self.head is not None:
+            from ..belong import encoder
+
+            self.encode = encoder(self.head.description["features"], self.models.encoder_weights)
+        if not photos:
+            for p in self._of_texts():
+                yield self._with_map(p) if self.models.relative else p
+            return
+        found = self._described(photos)
+        if self.hints.smooth > 1:
+            found = iter(self._smoothed(list(found)))
+        depth = _PerRoot(
+            lambda root: (
+                None if self.without_depth else relative_source(self.about, root, self.models)
+            )
+        )
+        for photo, segments, p in found:
+            if not p.error:
+                try:
+                    self._finish(photo, segments, p, depth(photo.root))
+                except (RsaDataError, RowError) as error:
+                    if isinstance(error, UsageError):
+                        raise
+                    p.error = str(error)
+            yield p
+
+    def _check(self, photos: bool) -> None:
+        """Looks for all files at once; a head that cannot have depth here gives words alone."""
+        describes = photos and (
+            (self.head is not None and not self.texts) or self.models.segments is not None
+        )
+        runs = photos and self.models.relative is None
+        try:
+            needs.check(
+                self.about,
+                self.models,
+                caption=describes,
+                encoder=self.head is not None,
+                depth=runs,
+            )
+        except UsageError as error:
+            if self.hints or self.models.depth_model is not None:
+                raise
+            self.without_depth = str(error).removeprefix("predict: ")
+            needs.check(self.about, self.models, caption=describes, encoder=True, depth=False)
+
+    def _of_texts(self) -> list[Prediction]:
+        if self.head is None:
+            assert self.models.relative is not None
+            return [Prediction(None, name=self.models.relative.name)]
+        return from_captions(self.head, self.texts, encoder=self.encode)
+
+    def _described(
+        self, photos: list[Photo]
+    ) -> "Iterator[tuple[Photo, Segments | None, Prediction]]":
+        look = _PerRoot(lambda root: describer(self.about, root, self.models))
+        wants = (self.head is not None and not self.texts) or self.models.segments is not None
+        for k, photo in enumerate(photos):
+            segments, text = None, self.texts[k % len(self.texts)] if self.texts else None
+            try:
+                if wants:
+                    segments, own = look(photo.root)(photo.name)
+                    text = text or own
+                p = Prediction(None)
+                if self.head is not None and text is not None:
+                    (p,) = from_captions(self.head, [text], encoder=self.encode)
+                p.name = photo.name
+                p.warnings += [photo.warning] if photo.warning else []
+                if segments is not None and not self.texts and not self.about.get("captions"):
+                    style = captions_of(self.about, self.models)["style"]
+                    if self.head is not None:
+                        p.notes.append(
+                            f"caption in the style {style}: the head does not say which texts it "
+                            "was trained on (--style chooses another)"
+                        )
+            except RsaDataError as error:
+                if isinstance(error, UsageError):
+                    raise
+                p = Prediction(text, name=photo.name, error=str(error))
+            yield photo, segments, p
+
+    def _smoothed(self, found: list[Any]) -> list[Any]:
+        good = [p for _, _, p in found if not p.error]
+        for name in ("scale", "shift") if good and self.head is not None else ():
+            values = np.array([getattr(p, name) for p in good])
+            for p, value in zip(good, known_depth.smooth(values, self.hints.smooth), strict=True):
+                setattr(p, name, float(value))
+        return found
+
+    def _finish(
+        self, photo: Photo, segments: "Segments | None", p: Prediction, source: Any
+    ) -> None:
+        """Adds image, camera, depth and distances."""
+        from ...datasets.images import read_image
+
+        try:
+            p.image = read_image(photo.path)
+        except RowError as error:
+            raise RsaDataError(str(error)) from error
+        height, width = p.image.shape[:2]
+        p.camera = camera_of(photo.path, width, height, self.view)
+        if self.without_depth:
+            p.warnings.append(f"no depth: {self.without_depth}")
+        else:
+            self._measure(p, relative_map(source, photo.name, (height, width)))
+        if segments is not None:
+            p.objects = seen(segments, p.depth)
+
+    def _with_map(self, p: Prediction) -> Prediction:
+        """Depth of a map without its photo."""
+        y = relative_map(relative_source(self.about, Path(), self.models), p.name, None)
+        p.camera = camera_of(None, y.shape[1], y.shape[0], self.view)
+        self._measure(p, y)
+        return p
+
+    def _measure(self, p: Prediction, y: np.ndarray) -> None:
+        at, metres = known_depth.points(y, self.hints.known)
+        if self.hints.range:
+            ends = known_depth.ends(y, self.hints.range)
+            at, metres = np.concatenate([at, ends[0]]), np.concatenate([metres, ends[1]])
+        if self.head is None:
+            found = known_depth.fit(at, metres)
+            holes = float(np.mean(to_metric(y, found.scale, found.shift) == np.inf))
+            if found.shift < 0 and holes > _HOLES and (at > 0).all():
+                why = (
+                    f"a shift below 0 would leave {holes:.0%} of the pixels without a finite depth"
+                )
+                found = known_depth.without_shift(found, at, metres, f"{why}: it is held at 0")
+            p.scale, p.shift = found.scale, found.shift
+            p.notes += known_depth.told(found, metres)
+            p.warnings += [found.assumption] if found.assumption else []
+        elif len(at):
+            p.notes.append(f"from words alone: scale {p.scale:.6g}, shift {p.shift:.6g}")
+            prior = self.about.get("prior")
+            p.scale, p.shift = known_depth.refine(p.scale, p.shift, at, metres, prior)
+        p.depth = to_metric(y, p.scale, p.shift)
+        blank, beyond = float(np.mean(np.isnan(p.depth))), float(np.mean(p.depth == np.inf))
+        if blank > _HOLES:
+            p.warnings.append(f"the depth model gives no depth for {blank:.0%} of the photo")
+        if beyond > _HOLES:
+            p.warnings.append(f"{beyond:.0%} of the photo has no finite depth")
+
+
+class _PerRoot:
+    """What is made for the root of each photo, once for photos that follow each other."""
+
+    def __init__(self, make: Callable[[Path], Any]):
+        self.make = make
+        self.root: Path | None = None
+        self.made: Any = None
+
+    def __call__(self, root: Path) -> Any:
+        if root != self.root:
+            self.root, self.made = root, self.make(root)
+        return self.made
