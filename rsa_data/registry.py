@@ -177,6 +177,7 @@ STORES = Entries(
         "s3": "rsa_data.store.objects:ObjectStore",
         "gs": "rsa_data.store.objects:ObjectStore",
         "az": "rsa_data.store.objects:ObjectStore",
+        "hf": "rsa_data.store.hub:HubFiles",
         "https": "rsa_data.store.http:HttpFiles",
         "http": "rsa_data.store.http:HttpFiles",
     },
