@@ -189,6 +189,37 @@ COLLECTIONS = {
 }
 
 
+# What a head can read of an image; a head's class names the kinds that it reads.
+INPUTS = {
+    "text": "rsa_data.heads.inputs.text:TEXT",
+    "image": "rsa_data.heads.inputs.image:IMAGE",
+    "proposals": "rsa_data.heads.inputs.proposals:PROPOSALS",
+}
+
+LOSSES = {
+    "l1": "rsa_data.heads.train.losses:L1",
+    "huber": "rsa_data.heads.train.losses:HUBER",
+    "log-l1": "rsa_data.heads.train.losses:LOG_L1",
+    "silog": "rsa_data.heads.train.losses:SILOG",
+}
+
+# In the order that tables print them.
+METRICS = {
+    "delta1": "rsa_data.evaluation.metrics:DELTA1",
+    "delta2": "rsa_data.evaluation.metrics:DELTA2",
+    "delta3": "rsa_data.evaluation.metrics:DELTA3",
+    "abs_rel": "rsa_data.evaluation.metrics:ABS_REL",
+    "sq_rel": "rsa_data.evaluation.metrics:SQ_REL",
+    "rmse": "rsa_data.evaluation.metrics:RMSE",
+    "rmse_log": "rsa_data.evaluation.metrics:RMSE_LOG",
+    "log10": "rsa_data.evaluation.metrics:LOG10",
+    "silog": "rsa_data.evaluation.metrics:SILOG",
+}
+
+# What other rooms reach through the registry, as they may not import it.
+HEAD_FILES = {"scale-head": "rsa_data.heads.checkpoint:ScaleHead"}
+
+
 def resolve(kind: str, table: dict[str, str], name: str) -> Any:
     """The object that `name` stands for in one of the tables above.
 

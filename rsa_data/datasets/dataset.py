@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -32,6 +33,7 @@ class Dataset:
     test_splits : splits whose depth is stored whole and which no training may read.
     shard : path of an image in samples -> the shard that holds it; an index makes no part of images
         of two shards, so that a worker reads one from its front to its end. None for loose files.
+    validation_splits : splits by which a training may choose its best epoch, and no more.
     min_depth, max_depth : m, the range in which ground truth counts as valid.
     """
 
@@ -50,3 +52,10 @@ class Dataset:
     prepare: Callable[[Path], None] | None = None
     shard: Callable[[str], str] | None = None
     test_splits: tuple[str, ...] = ("test",)
+    validation_splits: tuple[str, ...] = ("val", "validation")
+
+    def role(self, split: str) -> Literal["train", "validation", "test"]:
+        """What a split is for: the one rule for heads, constants and comparisons."""
+        if split in self.test_splits:
+            return "test"
+        return "validation" if split in self.validation_splits else "train"

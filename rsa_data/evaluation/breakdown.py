@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..store.tables import WorkDir
-from .metrics import METRICS
+from .metrics import metrics as known
 
 
 def described(work: WorkDir, dataset: str, captions: str, numbers: Sequence[int]) -> pd.DataFrame:
@@ -40,8 +40,8 @@ def by_group(metrics: pd.DataFrame, about: pd.DataFrame, metric: str = "abs_rel"
 
     metrics : the metrics table of one dataset; about : from `described`.
     """
-    if metric not in METRICS:
-        raise ValueError(f"expected one of {', '.join(METRICS)}, found {metric!r}")
+    if metric not in known():
+        raise ValueError(f"expected one of {', '.join(known())}, found {metric!r}")
     good = metrics[metrics["status"] == "ok"].merge(about, on="sample_id")
     order = list(dict.fromkeys(good["method"]))
     table = {}
@@ -85,7 +85,7 @@ def by_description(
     pairs += [_classes(work, dataset, name, numbers) for name in segments]
     good = metrics[metrics["status"] == "ok"].merge(pd.concat(pairs), on="sample_id")
     grouped = good.groupby(["dataset", "method", "by", "value"], sort=False)
-    found = grouped[list(METRICS)].mean()
+    found = grouped[list(known())].mean()
     found.insert(0, "images", grouped.size())
     return found.reset_index().sort_values(
         ["by", "images", "value"], ascending=[True, False, True], kind="stable"
@@ -105,4 +105,4 @@ def _classes(work: WorkDir, dataset: str, segments: str, numbers: Sequence[int])
 
 def text(table: pd.DataFrame, digits: int = 3) -> str:
     """A frame as aligned text, nan as a dash."""
-    return table.to_string(float_format=lambda v: "-" if np.isnan(v) else f"{v:.{digits}f}")
+    return str(table.to_string(float_format=lambda v: "-" if np.isnan(v) else f"{v:.{digits}f}"))

@@ -1,27 +1,62 @@
 """The comparison that settles what a head learns from: every input under one protocol."""
 
-import io
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from ..common.errors import unknown
-from ..store import schemas
+from ..heads.belong import Tables
 from ..store.tables import WorkDir
-from . import breakdown, formats, plots
+from . import breakdown, formats, output, plots
 from .constants import fit_constants
 from .contenders import Entry, has_training, inputs_of, methods_of, plans, train
 from .evaluate import Evaluation, notes
 from .methods import by_constant, oracle_methods
-from .metrics import METRICS
-from .protocols import PROTOCOLS, Rules
+from .metrics import metrics
+from .options import Measuring
+from .protocols import Rules
 from .rows import measure
 from .setting import parts_of, rules_of, with_split
 from .spread import calibration, inflation, rank_correlation, spread
 from .summary import summarise
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Which heads are compared.
+
+    inputs : further inputs as LABEL=STYLE/ENCODER or LABEL=STYLE/ENCODER/HEAD, of embeddings
+        tables that every dataset has, such as counts=counts/clip-rn50.
+    subsets : further sets of datasets to train text on, such as nyuv2+kitti beside all three.
+    zero_shot : datasets to measure on and never train on; those without a training split always
+        are.
+    seeds : heads trained for each input; their errors are averaged, their spread is reported.
+    """
+
+    inputs: tuple[str, ...] = ()
+    subsets: tuple[str, ...] = ()
+    zero_shot: tuple[str, ...] = ()
+    seeds: int = 1
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How each head of a comparison is trained.
+
+    loss : of each training: l1, huber, log-l1 or silog.
+    epochs : of each training.
+    threads : CPU threads of each training.
+    split_scene : as for train-head, for datasets of one scene.
+    start_over : train all heads again.
+    """
+
+    loss: str = "l1"
+    epochs: int = 50
+    threads: int = 2
+    split_scene: bool = False
+    start_over: bool = False
 
 
 def compare(
@@ -29,21 +64,10 @@ def compare(
     bar: Callable[[str, int], Any] | None = None,
     *,
     name: str = "comparison",
-    datasets: tuple[str, ...] = (),
-    style: str | None = None,
-    encoder: str | None = None,
-    depth_model: str | None = None,
-    inputs: tuple[str, ...] = (),
-    subsets: tuple[str, ...] = (),
-    zero_shot: tuple[str, ...] = (),
-    protocol: str = "rsa",
-    split: str = "test",
-    seeds: int = 1,
-    epochs: int = 50,
-    threads: int = 2,
-    split_scene: bool = False,
-    start_over: bool = False,
-    draws: int = 1000,
+    tables: Tables,
+    contest: Contest,
+    recipe: Recipe,
+    measuring: Measuring,
 ) -> Evaluation:
     """Trains heads on each kind of input and measures them all on the same images.
 
@@ -56,38 +80,21 @@ def compare(
     Parameters
     ----------
     name : of the comparison; its heads are named after it.
-    datasets : datasets of the work dir; none means all that have the split.
-    style : caption style, needed when there are several.
-    encoder : text encoder, needed when there are several.
-    depth_model : relative-depth model, needed when there are several.
-    inputs : further inputs as LABEL=STYLE/ENCODER or LABEL=STYLE/ENCODER/HEAD, of embeddings
-        tables that every dataset has, such as counts=counts/clip-rn50.
-    subsets : further sets of datasets to train text on, such as nyuv2+kitti beside all three.
-    zero_shot : datasets to measure on and never train on; those without a training split always
-        are.
-    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
-    split : what to measure on.
-    seeds : heads trained for each input; their errors are averaged, their spread is told.
-    epochs : of each training.
-    threads : CPU threads of each training.
-    split_scene : as for train-head, for datasets of one scene.
-    start_over : train all heads anew.
-    draws : resamplings of scenes for the confidence intervals; 0 for none.
 
     Writes metrics, summaries and plots to WORK/comparisons/NAME.
     """
-    if protocol not in PROTOCOLS:
-        raise unknown("protocol", protocol, PROTOCOLS)
-    names = with_split(work, datasets, split)
-    learn = [d for d in names if d not in zero_shot and has_training(work, d)]
-    kinds = plans(learn, *inputs_of(work, names, style, encoder), inputs, subsets)
-    common: dict[str, Any] = {"depth_model": depth_model, "split_scene": split_scene}
-    common |= {"epochs": epochs, "threads": threads, "start_over": start_over}
+    protocol, split = measuring.protocol, measuring.split
+    names = with_split(work, tables.datasets, split)
+    learn = [d for d in names if d not in contest.zero_shot and has_training(work, d)]
+    shared = inputs_of(work, names, tables.style, tables.encoder)
+    kinds = plans(learn, shared, contest.inputs, contest.subsets)
+    common = {"depth_model": tables.depth_model, **asdict(recipe)}
     entries = [
-        train(work, bar, name, label, seed, chosen, {**common, **options}, names)
-        for seed in range(seeds)
-        for label, chosen, options in kinds
+        train(work, bar, name, plan, {**common, "seed": seed}, names)
+        for seed in range(contest.seeds)
+        for plan in kinds
     ]
+    now = output.heads_now(work, [entry.name for entry in entries])
     text = entries[0]
     ranges = {d: rules_of(work, d, protocol) for d in names}
     depths = {d: text.sources[d].depth for d in names}
@@ -104,17 +111,17 @@ def compare(
         found.append(measure(parts, methods, ranges[d], bar))
     table = pa.concat_tables(found)
     merged, over_seeds = merge_seeds(table)
-    rows = summarise(merged, draws)
+    rows = summarise(merged, measuring.draws)
     said = [
-        f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, {epochs} epochs; "
-        "mean over images [95% interval by scene].",
+        f"Comparison {name}: protocol {protocol}, {split} split, {contest.seeds} seeds, "
+        f"{recipe.epochs} epochs; mean over images [95% interval by scene].",
         *over_seeds,
-        *notes(text.head.description, rows, protocol)[1:],
+        *notes(text.head.about, rows, protocol)[1:],
     ]
     extra = _hard(work, text, names, merged, split)
     bars, lines = _error_bars(work, text, names, ranges, split)
     folder = f"comparisons/{name}"
-    files = {
+    texts = {
         "summary.txt": "\n\n".join(["\n".join([*said, formats.text(rows)]), *extra, *lines]),
         "summary.md": formats.markdown(rows) + "\n" + "\n\n".join(extra + lines) + "\n",
         "summary.tex": formats.latex(rows),
@@ -122,14 +129,12 @@ def compare(
         "abs_rel.svg": plots.intervals(rows, "abs_rel", "AbsRel, with 95% intervals by scene"),
     }
     if bars:
-        files["calibration.svg"] = plots.calibration(bars, "Spread over captions as an error bar")
-    schemas.check("metrics", table)
-    buffer = io.BytesIO()
-    pq.write_table(table, buffer)
-    work.store.write(f"{folder}/metrics.parquet", buffer.getvalue())
-    for file, content in files.items():
-        work.store.write(f"{folder}/{file}", content.encode())
-    summary = files["summary.txt"] + f"\nin {work.store.location}/{folder}"
+        texts["calibration.svg"] = plots.calibration(bars, "Spread over captions as an error bar")
+    files = {"metrics.parquet": output.to_parquet(table)}
+    files |= {file: content.encode() for file, content in texts.items()}
+    record = output.Record(heads=now, datasets=names, split=split, protocol=protocol)
+    output.write(work, folder, files, record)
+    summary = texts["summary.txt"] + f"\nin {work.store.location}/{folder}"
     return Evaluation(table, rows, summary, folder)
 
 
@@ -139,7 +144,7 @@ def merge_seeds(table: pa.Table) -> tuple[pa.Table, list[str]]:
     frame["seed"] = frame["method"].str.extract(r" #(\d+)$")[0]
     frame["method"] = frame["method"].str.replace(r" #\d+$", "", regex=True)
     keys = ["sample_id", "dataset", "scene", "method", "status"]
-    merged = frame.groupby(keys, sort=False, dropna=False)[list(METRICS)].mean().reset_index()
+    merged = frame.groupby(keys, sort=False, dropna=False)[list(metrics())].mean().reset_index()
     lines = []
     if frame["seed"].nunique() > 1:
         means = frame.groupby(["dataset", "method", "seed"], sort=False)["abs_rel"].mean()
@@ -181,7 +186,7 @@ def _error_bars(
         variants = sorted(set(pd.Series(column.to_numpy())) - {0})
         if len(variants) < 2:
             continue
-        found = spread(parts, text.head, source.embeddings, source.captions, ranges[d], variants)
+        found = spread(parts, text.head.outputs, source, ranges[d], variants)
         bars[d] = calibration(found)
         lines.append(
             f"{d}: spread over {len(variants)} caption variants as an error bar: to match the "

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ..common.errors import RsaDataError
+from ..datasets import index
 from ..store.tables import WorkDir
 
 
@@ -64,8 +65,8 @@ def training_pixels(
     depth : the table's name. images : at most so many, spread evenly over all; pixels : of each.
     Raises RsaDataError when the table holds no training part.
     """
-    table = work.table(dataset, depth)
-    good = {n: r.ok for n in table.parts() if (r := table.receipt(n)).split == "train"}
+    table, role = work.table(dataset, depth), index.load_dataset(work, dataset).role
+    good = {n: r.ok for n in table.parts() if role((r := table.receipt(n)).split) == "train"}
     total = sum(good.values())
     if not total:
         raise RsaDataError(
@@ -104,8 +105,8 @@ def fit_constants(
     """
     groups = {}
     for name, depth in depths.items():
-        table = work.table(name, depth)
-        if any(table.receipt(n).split == "train" for n in table.parts()):
+        table, role = work.table(name, depth), index.load_dataset(work, name).role
+        if any(role(table.receipt(n).split) == "train" for n in table.parts()):
             groups[name] = (*training_pixels(work, name, depth), limits[name][1])
     joint = [groups[name] for name in trained_on if name in groups]
     # With one training set the joint constant is that set's own.

@@ -1,26 +1,31 @@
 """`evaluate`: a head on the test splits, beside what bounds it and what it must beat."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pyarrow as pa
 
-from ..common.errors import UsageError, unknown
+from ..common.errors import UsageError
+from ..heads.belong import Tables
 from ..store.tables import WorkDir
 from . import output
 from .breakdown import by_description
 from .constants import fit_constants
 from .external import external_methods
+from .inputs import TestPart
 from .methods import Method, by_constant, head_method, label_of, oracle_methods
+from .options import Measuring
 from .paper import paper_rows
-from .protocols import PROTOCOLS
 from .rows import measure
 from .setting import parts_of, rules_of, tables_of, with_split
 from .sizes import by_object_sizes, has_sizes
 from .summary import Row, summarise
+
+if TYPE_CHECKING:
+    from ..heads.description import Description
 
 
 @dataclass(frozen=True)
@@ -45,12 +50,10 @@ def evaluate(
     datasets: tuple[str, ...] = (),
     beside: tuple[str, ...] = (),
     external: tuple[str, ...] = (),
-    protocol: str = "rsa",
-    split: str = "test",
     style: str | None = None,
     depth_model: str | None = None,
     compare: str | None = None,
-    draws: int = 1000,
+    measuring: Measuring,
 ) -> Evaluation:
     """Measures a head on whole maps of the test splits, beside oracles and constants.
 
@@ -62,37 +65,33 @@ def evaluate(
     beside : further heads of the work dir to measure in the same table, such as controls.
     external : NAME=DIR, metric depth of another model as DIR/IMAGE.npy in m or 16-bit PNG in mm,
         or below DIR/DATASET where there are several.
-    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
-    split : what to evaluate on; its depth must be stored as whole maps.
     style : caption style, where the head does not say (an imported one) and there are several.
     depth_model : relative-depth model, as style.
     compare : paper adds the paper's rows where the conditions are the same, and says why not.
-    draws : resamplings of scenes for the confidence intervals; 0 for none.
 
     Writes the metrics of each image (Parquet), the summary (Markdown, LaTeX, CSV) and the errors by
-    number of objects, share covered and class (CSV) to WORK/heads/NAME/evaluation/PROTOCOL.
+    number of objects, share covered and class (CSV) to WORK/heads/NAME/evaluation/PROTOCOL; with
+    --datasets or another --split these stand in the folder's name.
     Raises RsaDataError when tables are missing or do not belong to the head, UsageError for
     unknown names.
     """
     from ..heads.checkpoint import ScaleHead
 
-    if protocol not in PROTOCOLS:
-        raise unknown("protocol", protocol, PROTOCOLS)
     if compare not in (None, "paper"):
         raise UsageError(f"--compare: expected paper, found {compare!r}")
+    protocol, split = measuring.protocol, measuring.split
+    now = output.heads_now(work, (head, *beside))
     heads = {
         name: ScaleHead.load(f"{work.store.location}/heads/{name}") for name in (head, *beside)
     }
-    about = heads[head].description
+    about = heads[head].about
     names = with_split(work, datasets, split)
-    tables = {
-        name: tables_of(work, other.description, names, style, depth_model)
-        for name, other in heads.items()
-    }
+    wanted = Tables(datasets=tuple(names), style=style, depth_model=depth_model)
+    tables = {name: tables_of(work, other.about, wanted) for name, other in heads.items()}
     ranges = {name: rules_of(work, name, protocol) for name in names}
     depths = {name: source.depth for name, source in tables[head].items()}
     limits = {name: (rule.min_depth, rule.max_depth) for name, rule in ranges.items()}
-    constants = fit_constants(work, depths, limits, about.get("datasets", {}))
+    constants = fit_constants(work, depths, limits, about.trained_on)
     found, theirs, said, by = [], [], [], []
     for name in names:
         methods: dict[str, Method] = {
@@ -102,7 +101,8 @@ def evaluate(
             for label, other in heads.items()
         }
         parts = parts_of(work, name, depths[name], split)
-        if segments := has_sizes(work, name, tables[head][name].captions, parts[0]):
+        captions = tables[head][name].captions
+        if segments := has_sizes(work, name, captions, parts[0]):
             methods["object sizes"] = by_object_sizes(segments)
         methods |= {
             **external_methods(external, name),
@@ -111,40 +111,50 @@ def evaluate(
         }
         found.append(measure(parts, methods, ranges[name], bar))
         if compare:
-            depth = work.table(name, depths[name])
-            rows, notes_ = paper_rows(
-                name,
-                work.table(name, "samples").description().options["dataset"],
-                split=split,
-                protocol=protocol,
-                images=sum(depth.receipt(p.number).ok for p in parts),
-                model=depth.name.partition("/")[2],
-                options=depth.description().options,
-            )
+            rows, notes_ = _paper(work, name, depths[name], parts, measuring)
             theirs += rows
             said += notes_
-    for name, part in zip(names, found, strict=True):
-        if captions := tables[head][name].captions:
-            numbers = [p.number for p in parts_of(work, name, depths[name], split)]
-            by.append(by_description(work, name, captions, numbers, part.to_pandas()))
+        if captions:
+            numbers = [p.number for p in parts]
+            by.append(by_description(work, name, captions, numbers, found[-1].to_pandas()))
     table = pa.concat_tables(found)
-    rows = summarise(table, draws)
+    rows = summarise(table, measuring.draws)
     said = notes(about, rows, protocol) + said
     shown = [row for name in names for row in (*rows, *theirs) if row.dataset == name]
-    folder = f"heads/{head}/evaluation/{protocol}"
-    title = f"head {head}: protocol {protocol}, {split} split"
+    folder = f"heads/{head}/evaluation/{output.folder_name(protocol, split, datasets)}"
+    summary = output.Summary(f"head {head}: protocol {protocol}, {split} split", shown, said)
+    files = {"metrics.parquet": output.to_parquet(table), **summary.files()}
     if by:
         content = pd.concat(by).to_csv(index=False, lineterminator="\n")
-        work.store.write(f"{folder}/by_description.csv", content.encode())
-    return Evaluation(table, rows, output.write(work, folder, table, shown, title, said), folder)
+        files["by_description.csv"] = content.encode()
+    record = output.Record(heads=now, datasets=list(names), split=split, protocol=protocol)
+    output.write(work, folder, files, record)
+    text = f"{files['summary.txt'].decode()}\nin {work.store.location}/{folder}"
+    return Evaluation(table, rows, text, folder)
 
 
-def notes(about: Mapping[str, Any], rows: Sequence[Row], protocol: str) -> list[str]:
+def _paper(
+    work: WorkDir, name: str, depth: str, parts: Sequence[TestPart], measuring: Measuring
+) -> tuple[list[Row], list[str]]:
+    """The paper's rows that hold under the same conditions, and why others do not stand here."""
+    table = work.table(name, depth)
+    return paper_rows(
+        name,
+        work.table(name, "samples").description().options["dataset"],
+        split=measuring.split,
+        protocol=measuring.protocol,
+        images=sum(table.receipt(part.number).ok for part in parts),
+        model=table.name.partition("/")[2],
+        options=table.description().options,
+    )
+
+
+def notes(about: "Description", rows: Sequence[Row], protocol: str) -> list[str]:
     """What a reader of the numbers must know."""
     said = ["Mean over images; in brackets the 95% interval, whole scenes drawn with replacement."]
-    trained = about.get("datasets", {})
+    trained = about.trained_on
     names = list(dict.fromkeys(row.dataset for row in rows))
-    if "imported" in about:
+    if about.imported:
         said.append(
             "The head was imported: its file does not say which captions and depth model it was "
             "trained for; it is right only with those of its authors."
@@ -155,7 +165,7 @@ def notes(about: Mapping[str, Any], rows: Sequence[Row], protocol: str) -> list[
         own = [row for row in rows if row.dataset == name]
         if own[0].scenes == 1:
             said.append(f"{name}: one scene only, so nothing is said about others; no interval.")
-        if "one block" in trained.get(name, {}).get("validation", ""):
+        if name in trained and "one block" in trained[name].validation:
             said.append(f"{name}: its best epoch was chosen on frames of the training scene.")
         errors = {row.method: row.mean["abs_rel"] for row in own}
         if (

@@ -4,39 +4,29 @@ import csv
 import io
 from collections.abc import Callable, Sequence
 
-from .metrics import METRICS
+from .metrics import Metric, metrics
 from .summary import Row
 
-# How each metric is headed, and its decimals; paper tables show three.
-TITLES = {
-    "delta1": "δ1 ↑",
-    "delta2": "δ2 ↑",
-    "delta3": "δ3 ↑",
-    "abs_rel": "AbsRel ↓",
-    "sq_rel": "SqRel ↓",
-    "rmse": "RMSE ↓",
-    "rmse_log": "RMSElog ↓",
-    "log10": "log10 ↓",
-    "silog": "SILog ↓",
-}
-_SHORT = ("delta1", "abs_rel", "rmse", "log10", "silog")
 
+def cells(rows: Sequence[Row], chosen: Sequence[Metric] | None = None) -> list[list[str]]:
+    """Header and rows of text: dataset, method, images, then each metric.
 
-def cells(rows: Sequence[Row], metrics: Sequence[str] = _SHORT) -> list[list[str]]:
-    """Header and rows of text: dataset, method, images, then each metric."""
-    table = [["dataset", "method", "images", *(TITLES[m] for m in metrics)]]
+    chosen : the metrics; by default those of narrow tables.
+    """
+    chosen = [m for m in metrics().values() if m.short] if chosen is None else chosen
+    table = [["dataset", "method", "images", *(metric.heading for metric in chosen)]]
     for row in rows:
-        table.append([row.dataset, row.method, f"{row.images}", *(_cell(row, m) for m in metrics)])
+        table.append([row.dataset, row.method, f"{row.images}", *(_cell(row, m) for m in chosen)])
     return table
 
 
-def _cell(row: Row, metric: str) -> str:
-    if metric not in row.mean:
+def _cell(row: Row, metric: Metric) -> str:
+    if metric.name not in row.mean:
         return "-"
-    digits = 2 if metric == "silog" else 3
-    text = f"{row.mean[metric]:.{digits}f}"
-    if metric == "abs_rel" and row.low:
-        text += f" [{row.low[metric]:.{digits}f}, {row.high[metric]:.{digits}f}]"
+    text = f"{row.mean[metric.name]:.{metric.digits}f}"
+    if metric.name == "abs_rel" and row.low:
+        low, high = (f"{side[metric.name]:.{metric.digits}f}" for side in (row.low, row.high))
+        text += f" [{low}, {high}]"
     return text
 
 
@@ -55,7 +45,7 @@ def text(rows: Sequence[Row]) -> str:
 
 def markdown(rows: Sequence[Row]) -> str:
     """A pipe table of all metrics."""
-    header, *body = cells(rows, METRICS)
+    header, *body = cells(rows, list(metrics().values()))
     rule = ["---", "---", *["---:"] * (len(header) - 2)]
     return "\n".join("| " + " | ".join(row) + " |" for row in [header, rule, *body]) + "\n"
 
@@ -90,11 +80,11 @@ def to_csv(rows: Sequence[Row]) -> str:
     """Every number in full: mean, low and high of each metric."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    bounds = [f"{m}_{end}" for m in METRICS for end in ("low", "high")]
-    writer.writerow(["dataset", "method", "images", "failed", "scenes", *METRICS, *bounds])
+    bounds = [f"{m}_{end}" for m in metrics() for end in ("low", "high")]
+    writer.writerow(["dataset", "method", "images", "failed", "scenes", *metrics(), *bounds])
     for row in rows:
-        ends = [side.get(m, "") for m in METRICS for side in (row.low, row.high)]
-        means = [row.mean.get(m, "") for m in METRICS]
+        ends = [side.get(m, "") for m in metrics() for side in (row.low, row.high)]
+        means = [row.mean.get(m, "") for m in metrics()]
         writer.writerow(
             [row.dataset, row.method, row.images, row.failed, row.scenes, *means, *ends]
         )

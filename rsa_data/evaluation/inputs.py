@@ -1,16 +1,16 @@
 """What an evaluation reads of one part: the images' valid pixels, and the features of methods."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from ..common.errors import RowError, RsaDataError
-from ..store import schemas
+from ..heads.belong import Source
+from ..heads.inputs import kinds
+from ..heads.train.examples import side_by_side
 from ..store.tables import WorkDir
 from .protocols import Rules
 
@@ -47,7 +47,24 @@ class TestPart:
     @cached_property
     def samples(self) -> list[dict[str, Any]]:
         """Rows of samples."""
-        return self.work.table(self.dataset, "samples").read(self.number).to_pylist()
+        rows: list[dict[str, Any]] = (
+            self.work.table(self.dataset, "samples").read(self.number).to_pylist()
+        )
+        return rows
+
+    def seen(self, source: Source, variant: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """What a head reads of each image, float32 (n, dim), and which images have all of it.
+
+        source : the tables of the head's inputs. variant : of the captions. Rows of images that
+        lack an input are 0.
+        """
+        blocks = source.read(self.work, self.number, variant)
+        there = np.all([block.there for block in blocks], axis=0)
+        rows = np.flatnonzero(there)
+        found = side_by_side([block.rows(rows, np.zeros(len(rows))) for block in blocks])
+        features = np.zeros((len(there), found.shape[1]), np.float32)
+        features[rows] = found
+        return features, there
 
     def features(
         self, embeddings: str, captions: str | None, variant: int = 0
@@ -55,31 +72,11 @@ class TestPart:
         """Features of each image, float32 (n, dim), and which images have one, bool (n,).
 
         embeddings, captions : table names; without captions, the features are keyed by sample_id.
-        variant : of the captions. Rows without a feature are 0.
         """
-        table = self.work.table(self.dataset, embeddings).read(self.number)
-        stored = schemas.embedding_array(table)
-        ids = pa.array([s["sample_id"] for s in self.samples])
-        if captions is None:
-            rows = rows_of(ids, table["sample_id"])
-        else:
-            texts = self.work.table(self.dataset, captions).read(
-                self.number, ["sample_id", "variant", "text_id"]
-            )
-            texts = texts.filter(pc.equal(texts["variant"], variant))
-            caption = rows_of(ids, texts["sample_id"])
-            rows = rows_of(texts["text_id"], table["text_id"])
-            if (rows < 0).any():
-                raise RsaDataError(
-                    f"{self.dataset}/{embeddings} part {self.number}: {int((rows < 0).sum())} "
-                    f"captions of {captions} have no feature: the captions were made again since. "
-                    "Run `rsa-data embed` again"
-                )
-            rows = np.where(caption < 0, -1, np.append(rows, -1)[caption])
-        there = rows >= 0
-        features = np.zeros((len(ids), stored.shape[1]), np.float32)
-        features[there] = stored[rows[there]]
-        return features, there
+        feed = kinds.feed(embeddings)
+        if captions is not None:
+            feed = replace(feed, captions=captions)
+        return self.seen(Source(self.dataset, self.depth, (feed,)), variant)
 
     def images(self, rules: Rules) -> Iterator[tuple[dict[str, Any], Image | RowError | None]]:
         """Each sample with its image, what is wrong with it, or None where there is no depth."""
@@ -113,9 +110,3 @@ def _image(number: int, sample: dict[str, Any], row: dict[str, Any], rules: Rule
         raise RowError("no valid pixel under this protocol")
     pixels = y[valid].astype(np.float64), gt[valid].astype(np.float64)
     return Image(number, sample, *pixels, valid, y)
-
-
-def rows_of(values: Any, among: Any) -> np.ndarray:
-    """Row of each value among others, int64, -1 where it is not there."""
-    found = pc.fill_null(pc.index_in(values, value_set=among.combine_chunks()), -1)
-    return np.asarray(found).astype(np.int64)

@@ -12,8 +12,8 @@ from . import oracles
 from .inputs import Image, TestPart
 
 if TYPE_CHECKING:
+    from ..heads.belong import Source
     from ..heads.checkpoint import ScaleHead
-    from ..heads.train.examples import Source
 
 
 @dataclass(frozen=True)
@@ -36,24 +36,17 @@ Head = Callable[[np.ndarray], tuple[Any, Any]]
 
 def by_head(
     head: Head,
-    embeddings: str,
-    captions: str | None,
+    source: "Source",
     variant: int = 0,
     see: Callable[..., np.ndarray] | None = None,
-    images: str = "",
 ) -> Method:
-    """The scale and shift that a head gives for each image's feature.
-
-    images : a second table, of image features that stand behind the others, or nothing.
+    """The scale and shift that a head gives for what it reads of each image.
 
     see : (features, which images have one, part=number) -> the features that a control head sees.
     """
 
     def method(part: TestPart) -> Callable[[Image], Prediction]:
-        features, there = part.features(embeddings, captions, variant)
-        if images:
-            seen, also = part.features(images, None)
-            features, there = np.concatenate([features, seen], 1), there & also
+        features, there = part.seen(source, variant)
         if see is not None:
             features = see(features, there, part=part.number)
         scales, shifts = np.zeros(len(there)), np.zeros(len(there))
@@ -62,7 +55,7 @@ def by_head(
 
         def predict(image: Image) -> Prediction:
             if not there[image.row]:
-                raise RowError("no caption" if captions else "no feature")
+                raise RowError("no caption" if source.captions else "no feature")
             return scaled(image, float(scales[image.row]), float(shifts[image.row]))
 
         return predict
@@ -101,7 +94,9 @@ def oracle_methods(max_depth: float) -> Mapping[str, Method]:
 
 
 def scaled(image: Image, scale: float, shift: float) -> Prediction:
-    """The prediction of a scale and shift."""
+    """The prediction of a scale and shift; raises RowError where they are not finite."""
+    if not np.isfinite([scale, shift]).all():
+        raise RowError(f"expected a finite scale and shift; found {scale} and {shift}")
     return Prediction(oracles.metric(image.y, scale, shift), scale, shift)
 
 
@@ -110,19 +105,18 @@ _CONTROLS = {"shuffled": "captions shuffled", "dataset": "dataset name only"}
 
 def label_of(name: str, head: "ScaleHead") -> str:
     """What a table calls a head: its name, or what kind of control it is."""
-    return _CONTROLS.get(head.description.get("options", {}).get("control", "none"), name)
+    return _CONTROLS.get(head.about.control, name)
 
 
 def head_method(head: "ScaleHead", source: "Source") -> Method:
     """A head on a dataset's tables; a control sees no more than it was trained to see."""
     from ..heads.train.controls import controlled_features
 
-    options = head.description.get("options", {})
     see = partial(
         controlled_features,
-        control=options.get("control", "none"),
-        seed=options.get("seed", 0),
+        control=head.about.control,
+        seed=(head.about.options or {}).get("seed", 0),
         dataset=source.dataset,
-        datasets=list(head.description.get("datasets", {})),
+        datasets=list(head.about.trained_on),
     )
-    return by_head(head, source.embeddings, source.captions or None, see=see, images=source.images)
+    return by_head(head.outputs, source, see=see)

@@ -1,23 +1,157 @@
-"""The measures of metric depth that the field reports."""
+"""The measures of metric depth that the field reports, one object each.
 
-from typing import Any
+A metric is an object here or in a module of its own, and a line in registry.METRICS. Columns of
+the metrics table, summaries, reports and exports follow from that list.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any, Literal
 
 import numpy as np
+import pyarrow as pa
 
+from .. import registry
 from ..common.errors import RsaDataError
+from ..store import schemas
 
-# delta1 to delta3 and the errors, in the order that tables print them.
-METRICS = (
-    "delta1",
-    "delta2",
-    "delta3",
+
+class Pixels:
+    """Valid and clipped pixels of one image, and what several metrics make of them.
+
+    gt, pred : float64 (n,), m, above 0.
+    """
+
+    def __init__(self, gt: np.ndarray, pred: np.ndarray):
+        self.gt, self.pred = gt, pred
+
+    @cached_property
+    def difference(self) -> np.ndarray:
+        """pred - gt, m."""
+        return self.pred - self.gt
+
+    @cached_property
+    def ratio(self) -> np.ndarray:
+        """max(gt / pred, pred / gt)."""
+        ratio = self.pred / self.gt
+        return np.maximum(ratio, 1.0 / ratio)
+
+    @cached_property
+    def log(self) -> np.ndarray:
+        """ln pred - ln gt."""
+        return np.log(self.pred) - np.log(self.gt)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A measure of one image's predicted depth.
+
+    name : of its column. title : how tables head it, without unit and direction.
+    formula : in words, with gt and pred in m. unit : "" for a plain number.
+    better : higher or lower. source : who defined it.
+    of : pixels -> the number. digits : decimals in tables. short : whether narrow tables show it.
+    """
+
+    name: str
+    title: str
+    formula: str
+    better: Literal["higher", "lower"]
+    source: str
+    of: Callable[[Pixels], Any]
+    unit: str = ""
+    digits: int = 3
+    short: bool = False
+
+    @property
+    def heading(self) -> str:
+        """Title with the direction that is better."""
+        return f"{self.title} {'↑' if self.better == 'higher' else '↓'}"
+
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]
+        unit = f", {self.unit}" if self.unit else ""
+        return f"{self.title}: {self.formula}{unit} ({self.better} is better; {self.source})."
+
+
+_EIGEN = "Eigen et al. 2014"
+
+
+def _delta(power: int, short: bool = False) -> Metric:
+    return Metric(
+        f"delta{power}",
+        f"δ{power}",
+        f"share of pixels with max(gt / pred, pred / gt) below 1.25^{power}",
+        "higher",
+        "Ladicky et al. 2014",
+        lambda p: np.mean(p.ratio < 1.25**power),
+        short=short,
+    )
+
+
+DELTA1, DELTA2, DELTA3 = _delta(1, short=True), _delta(2), _delta(3)
+ABS_REL = Metric(
     "abs_rel",
-    "sq_rel",
-    "rmse",
-    "rmse_log",
-    "log10",
-    "silog",
+    "AbsRel",
+    "mean of |gt - pred| / gt",
+    "lower",
+    _EIGEN,
+    lambda p: np.mean(np.abs(p.difference / p.gt)),
+    short=True,
 )
+SQ_REL = Metric(
+    "sq_rel",
+    "SqRel",
+    "mean of (gt - pred)^2 / gt",
+    "lower",
+    _EIGEN,
+    lambda p: np.mean(p.difference / p.gt * p.difference),
+    unit="m",
+)
+RMSE = Metric(
+    "rmse",
+    "RMSE",
+    "root of the mean of (gt - pred)^2",
+    "lower",
+    _EIGEN,
+    lambda p: np.sqrt(np.mean(p.difference * p.difference)),
+    unit="m",
+    short=True,
+)
+RMSE_LOG = Metric(
+    "rmse_log",
+    "RMSElog",
+    "root of the mean of (ln gt - ln pred)^2",
+    "lower",
+    _EIGEN,
+    lambda p: np.sqrt(np.mean(p.log * p.log)),
+)
+LOG10 = Metric(
+    "log10",
+    "log10",
+    "mean of |log10 gt - log10 pred|",
+    "lower",
+    "Saxena et al. 2009",
+    lambda p: np.mean(np.abs(p.log)) / np.log(10),
+    short=True,
+)
+SILOG = Metric(
+    "silog",
+    "SILog",
+    "standard deviation of ln pred - ln gt, times 100",
+    "lower",
+    f"{_EIGEN}; KITTI benchmark",
+    # Rounding can leave a tiny negative variance where all pixels are off by one factor.
+    lambda p: 100 * np.sqrt(max(np.mean(p.log * p.log) - p.log.mean() ** 2, 0.0)),
+    digits=2,
+    short=True,
+)
+
+
+@cache
+def metrics() -> dict[str, Metric]:
+    """Every metric by its name, in the order that tables print them."""
+    return {name: registry.resolve("metric", registry.METRICS, name) for name in registry.METRICS}
 
 
 def depth_errors(gt: Any, pred: Any, *, min_depth: float, max_depth: float) -> dict[str, float]:
@@ -38,6 +172,7 @@ def depth_errors(gt: Any, pred: Any, *, min_depth: float, max_depth: float) -> d
     sq_rel : mean of (gt - pred)^2 / gt, m.
     rmse : m. rmse_log : of natural logarithms. log10 : mean of |log10 gt - log10 pred|.
     silog : standard deviation of log pred - log gt, times 100.
+    Any further metric of the registry by its name.
 
     Raises RsaDataError when the shapes differ, the range is empty or no pixel is valid. Average
     over images, not over the pixels of all images, to compare with published tables.
@@ -61,24 +196,8 @@ def depth_errors(gt: Any, pred: Any, *, min_depth: float, max_depth: float) -> d
 
 def errors_of_valid(gt: np.ndarray, pred: np.ndarray) -> dict[str, float]:
     """The same for float64 arrays of shape (n,) that hold valid and clipped pixels only, m."""
-    ratio = pred / gt
-    ratio = np.maximum(ratio, 1.0 / ratio)
-    difference = pred - gt
-    relative = difference / gt
-    log = np.log(pred) - np.log(gt)
-    log_mean, log_square = log.mean(), np.mean(log * log)
-    return {
-        "delta1": float(np.mean(ratio < 1.25)),
-        "delta2": float(np.mean(ratio < 1.25**2)),
-        "delta3": float(np.mean(ratio < 1.25**3)),
-        "abs_rel": float(np.mean(np.abs(relative))),
-        "sq_rel": float(np.mean(relative * difference)),
-        "rmse": float(np.sqrt(np.mean(difference * difference))),
-        "rmse_log": float(np.sqrt(log_square)),
-        "log10": float(np.mean(np.abs(log)) / np.log(10)),
-        # Rounding can leave a tiny negative variance where all pixels are off by one factor.
-        "silog": float(100 * np.sqrt(max(log_square - log_mean**2, 0.0))),
-    }
+    pixels = Pixels(gt, pred)
+    return {name: float(metric.of(pixels)) for name, metric in metrics().items()}
 
 
 def clip(pred: np.ndarray, min_depth: float, max_depth: float) -> np.ndarray:
@@ -92,3 +211,19 @@ def as_array(values: Any) -> np.ndarray:
     if hasattr(values, "detach"):
         values = values.detach().cpu().double().numpy()
     return np.asarray(values, np.float64)
+
+
+def to_table(rows: Sequence[dict[str, Any]]) -> pa.Table:
+    """The metrics table: the columns of schemas/metrics.toml, then one for each metric.
+
+    rows : a dict for each image and method; what is missing in one is null. Raises RsaDataError
+    where a row lacks what may not be null.
+    """
+    names = schemas.schema("metrics").names
+    table = schemas.from_columns("metrics", {n: [row.get(n) for row in rows] for n in names})
+    schemas.check("metrics", table)
+    for name, metric in metrics().items():
+        about = {"formula": metric.formula, "unit": metric.unit, "source": metric.source}
+        field = pa.field(name, pa.float64(), metadata=about)
+        table = table.append_column(field, pa.array([row.get(name) for row in rows], pa.float64()))
+    return table

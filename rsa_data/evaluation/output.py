@@ -1,33 +1,145 @@
-"""What an evaluation leaves in the work dir: the metrics table, and its summary in four formats."""
+"""What an evaluation leaves in the work dir, and whether it still belongs to its heads.
 
+A folder holds metrics.parquet, summaries and plots, and last `_evaluation.json`, the commit: it
+names the heads by digest, what was measured, and the sha256 of each file.
+"""
+
+import hashlib
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
+import msgspec
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..store import schemas
+from ..common.errors import RsaDataError
+from ..common.typed import parse
+from ..store.encoding import to_json
 from ..store.tables import WorkDir
 from .formats import FORMATS
 from .summary import Row
 
+RECORD = "_evaluation.json"
 
-def write(
-    work: WorkDir,
-    folder: str,
-    table: pa.Table,
-    rows: Sequence[Row],
-    title: str,
-    notes: Sequence[str],
-) -> str:
-    """Writes metrics.parquet and summary.{md,tex,csv,txt} to `folder`; returns summary.txt."""
-    schemas.check("metrics", table)
+
+class Record(msgspec.Struct, kw_only=True, frozen=True):
+    """_evaluation.json.
+
+    heads : sha256 of the head.json of each head measured, by name. datasets, split, protocol : what
+    was measured, and how. files : sha256 by name.
+    """
+
+    heads: dict[str, str]
+    datasets: list[str]
+    split: str
+    protocol: str
+    files: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A summary in words: its title, rows, and notes behind them."""
+
+    title: str
+    rows: Sequence[Row]
+    notes: Sequence[str]
+
+    def files(self) -> dict[str, bytes]:
+        """summary.md, .tex, .csv and .txt."""
+        texts = {ending: form(self.rows) for ending, form in FORMATS.items()}
+        notes = "\n".join(f"- {note}" for note in self.notes)
+        texts["md"] = f"# {self.title}\n\n{texts['md']}\n{notes}\n"
+        texts["txt"] = "\n".join([self.title, texts["txt"], *self.notes])
+        return {f"summary.{ending}": text.encode() for ending, text in texts.items()}
+
+
+def to_parquet(table: pa.Table) -> bytes:
+    """A metrics table as a file."""
     buffer = io.BytesIO()
     pq.write_table(table, buffer)
-    work.store.write(f"{folder}/metrics.parquet", buffer.getvalue())
-    texts = {ending: form(rows) for ending, form in FORMATS.items()}
-    texts["md"] = f"# {title}\n\n{texts['md']}\n" + "\n".join(f"- {note}" for note in notes) + "\n"
-    texts["txt"] = "\n".join([title, texts["txt"], *notes])
-    for ending, content in texts.items():
-        work.store.write(f"{folder}/summary.{ending}", content.encode())
-    return texts["txt"] + f"\nin {work.store.location}/{folder}"
+    return buffer.getvalue()
+
+
+def heads_now(work: WorkDir, names: Iterable[str]) -> dict[str, str]:
+    """sha256 of the head.json of each head, as it stands now."""
+    found = {name: work.store.read(f"heads/{name}/head.json") for name in names}
+    return {name: hashlib.sha256(data or b"").hexdigest() for name, data in found.items()}
+
+
+def write(work: WorkDir, folder: str, files: Mapping[str, bytes], record: Record) -> None:
+    """Writes the files, then the record that makes them an evaluation.
+
+    record : `heads` as they were when they were loaded. Raises RsaDataError, and writes nothing,
+    when one of them has been trained again since.
+    """
+    _unchanged(work, folder, record)
+    work.store.delete(f"{folder}/{RECORD}")
+    for name, content in files.items():
+        work.store.write(f"{folder}/{name}", content)
+    _unchanged(work, folder, record)
+    digests = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    record = msgspec.structs.replace(record, files=digests)
+    work.store.write(f"{folder}/{RECORD}", to_json(msgspec.to_builtins(record)))
+
+
+def _unchanged(work: WorkDir, folder: str, record: Record) -> None:
+    now = heads_now(work, record.heads)
+    if changed := [name for name, digest in record.heads.items() if now[name] != digest]:
+        raise RsaDataError(
+            f"{work.store.location}/{folder}: the head {', '.join(changed)} was trained again or "
+            "deleted while it was measured: nothing was written. Run the same command again"
+        )
+
+
+def folder_name(protocol: str, split: str, datasets: Sequence[str]) -> str:
+    """Folder of an evaluation: the protocol, and what was asked for beside the usual.
+
+    datasets : those that were named; none for all. So that an evaluation of other datasets or of
+    another split stands beside the first.
+    """
+    parts = [
+        protocol,
+        *([split] if split != "test" else []),
+        *(["+".join(datasets)] * bool(datasets)),
+    ]
+    return ".".join(parts)
+
+
+def check(work: WorkDir) -> list[str]:
+    """What is wrong with evaluations and comparisons, a line each; nothing when all is well."""
+    folders = [f"comparisons/{name}" for name in _folders(work, "comparisons")]
+    for head in _folders(work, "heads"):
+        for kind in ("evaluation", "robustness"):
+            place = f"heads/{head}/{kind}"
+            folders += [f"{place}/{name}" for name in _folders(work, place)]
+    return [line for folder in folders for line in _wrong(work, folder)]
+
+
+def _folders(work: WorkDir, place: str) -> list[str]:
+    return [name[:-1] for name in work.store.list(place) if name.endswith("/")]
+
+
+def _wrong(work: WorkDir, folder: str) -> list[str]:
+    data = work.store.read(f"{folder}/{RECORD}")
+    if data is None:
+        # Version 0.1 wrote no record; half an evaluation has none either.
+        return []
+    try:
+        record = parse(data, Record, f"{folder}/{RECORD}")
+    except RsaDataError as error:
+        return [f"{error}. Run the evaluation again"]
+    lines = []
+    for name, digest in record.files.items():
+        content = work.store.read(f"{folder}/{name}")
+        if content is None:
+            lines.append(f"{folder}/{name}: expected this file; found none. Run it again")
+        elif hashlib.sha256(content).hexdigest() != digest:
+            lines.append(f"{folder}/{name}: damaged: its sha256 is not the one in {RECORD}")
+    now = heads_now(work, record.heads)
+    lines += [
+        f"{folder}: out of date: the head {name} was trained again since"
+        for name, digest in record.heads.items()
+        if now[name] != digest
+    ]
+    return lines

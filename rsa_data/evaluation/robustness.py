@@ -1,6 +1,7 @@
-"""How a head's error moves when the description is wrong or poor: the captions are written anew."""
+"""How a head's error moves when the description is wrong or poor."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,22 +9,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from ..common.errors import RowError, RsaDataError, UsageError, unknown
+from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.options import accepts_old_names
+from ..heads.belong import Source, Tables
+from ..heads.inputs.kinds import Feed, find
 from ..store import schemas
 from ..store.tables import WorkDir
 from . import output
 from .evaluate import Evaluation
-from .inputs import Image, TestPart, rows_of
+from .inputs import Image, TestPart
 from .methods import Method, Prediction, by_head, scaled
-from .protocols import PROTOCOLS
+from .options import Measuring
 from .rows import measure
 from .setting import parts_of, rules_of, tables_of, with_split
 from .summary import summarise
 
 if TYPE_CHECKING:
     from ..heads.checkpoint import ScaleHead
-    from ..heads.train.examples import Source
 
 # Options of the captions stage, and which variant to take: 0 is the plain caption of these
 # options, 1 an augmented one, whose objects always stand in another order.
@@ -53,64 +55,62 @@ def robustness(
     *,
     head: str = "head",
     datasets: tuple[str, ...] = (),
-    protocol: str = "rsa",
-    split: str = "test",
     encoder_weights: Path | None = None,
     seed: int = 0,
-    draws: int = 1000,
+    measuring: Measuring,
 ) -> Evaluation:
     """Measures a head on the same images with descriptions that are wrong or poor.
 
     Objects are deleted, swapped, replaced or added, only things or only background is described,
-    nothing is found; captions are written and encoded anew, as the head's own were. Other captions
+    nothing is found; captions are written and encoded again, as the head's own were. Other captions
     of the dataset that are embedded by the same encoder (such as natural ones) are measured too.
 
     Parameters
     ----------
     head : name of a head in the work dir.
     datasets : datasets of the work dir; none means all that have the split.
-    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
-    split : what to measure on.
     encoder_weights : file of the text encoder's weights, where it is not found by itself.
     seed : of what is deleted, replaced and added.
-    draws : resamplings of scenes for the confidence intervals; 0 for none.
 
     Writes metrics.parquet and the summary to WORK/heads/NAME/robustness/PROTOCOL. Raises as
     `evaluate` does, and RsaDataError where captions do not come from segments.
     """
     from ..heads.checkpoint import ScaleHead
 
-    if protocol not in PROTOCOLS:
-        raise unknown("protocol", protocol, PROTOCOLS)
+    protocol, split = measuring.protocol, measuring.split
+    now = output.heads_now(work, (head,))
     loaded = ScaleHead.load(f"{work.store.location}/heads/{head}")
-    if loaded.description.get("options", {}).get("control", "none") != "none":
+    if loaded.about.control != "none":
         raise UsageError(f"--head {head}: a control does not read the description")
+    names = with_split(work, datasets, split)
     found = []
-    for name, source in tables_of(
-        work, loaded.description, with_split(work, datasets, split)
-    ).items():
+    for name, source in tables_of(work, loaded.about, Tables(tuple(names))).items():
         rule = rules_of(work, name, protocol)
         methods = robustness_methods(
             work, loaded, source, max_depth=rule.max_depth, weights=encoder_weights, seed=seed
         )
         found.append(measure(parts_of(work, name, source.depth, split), methods, rule, bar))
     table = pa.concat_tables(found)
-    rows = summarise(table, draws)
+    rows = summarise(table, measuring.draws)
     plain = {row.dataset: row.mean["abs_rel"] for row in rows if row.method == "plain" and row.mean}
     said = ["AbsRel against that of the plain captions:"] + [
         f"{row.dataset}: {row.method}: {row.mean['abs_rel'] / plain[row.dataset] - 1:+.1%}"
         for row in rows
         if row.mean and row.method != "plain" and row.dataset in plain
     ]
-    folder = f"heads/{head}/robustness/{protocol}"
+    folder = f"heads/{head}/robustness/{output.folder_name(protocol, split, datasets)}"
     title = f"head {head}, descriptions changed: protocol {protocol}, {split} split"
-    return Evaluation(table, rows, output.write(work, folder, table, rows, title, said), folder)
+    files = output.Summary(title, rows, said).files()
+    record = output.Record(heads=now, datasets=names, split=split, protocol=protocol)
+    output.write(work, folder, {"metrics.parquet": output.to_parquet(table), **files}, record)
+    text = f"{files['summary.txt'].decode()}\nin {work.store.location}/{folder}"
+    return Evaluation(table, rows, text, folder)
 
 
 def robustness_methods(
     work: WorkDir,
     head: "ScaleHead",
-    source: "Source",
+    source: Source,
     *,
     max_depth: float,
     weights: Path | None,
@@ -135,7 +135,7 @@ def robustness_methods(
             "objects can be changed; these were imported"
         )
     encode = embed.build(
-        **work.table(source.dataset, source.embeddings).description().options,
+        **work.table(source.dataset, source.inputs[0].table).description().options,
         encoder_weights=weights,
     )
     wrong = "street" if max_depth <= _INDOOR_METRES else "indoor"
@@ -145,36 +145,33 @@ def robustness_methods(
         writer = write.build(**options | {"variants": variant + 1})
         edit = _nothing if name == "nothing found" else _as_found
         described = partial(_described, writer, edit, segments, variant)
-        methods[name] = _by_texts(head, described, encode)
+        methods[name] = _by_texts(head.outputs, described, encode)
     return methods | other_captions(work, head, source)
 
 
-def other_captions(work: WorkDir, head: "ScaleHead", source: "Source") -> dict[str, Method]:
+def other_captions(work: WorkDir, head: "ScaleHead", source: Source) -> dict[str, Method]:
     """The head on the dataset's other captions that its encoder has embedded, by style."""
-    encoder = source.embeddings.split("/")[-1]
+    own = source.inputs[0]
     found = {}
     for name in work.tables(source.dataset):
         kind, _, style = name.partition("/")
-        embeddings = f"embeddings/{style}/{encoder}"
-        if kind == "captions" and name != source.captions and _has(work, source, embeddings):
-            found[f"captions {style}"] = by_head(head, embeddings, name)
+        other = Feed("text", f"embeddings/{style}/{own.encoder}", name)
+        if kind == "captions" and other != own and _has(work, source, other):
+            found[f"captions {style}"] = by_head(head.outputs, replace(source, inputs=(other,)))
     return found
 
 
-def _has(work: WorkDir, source: "Source", embeddings: str) -> bool:
+def _has(work: WorkDir, source: Source, other: Feed) -> bool:
     """Whether a table is there and made as the head's own embeddings are."""
-    table, own = (
-        work.table(source.dataset, embeddings),
-        work.table(source.dataset, source.embeddings),
-    )
+    table = work.table(source.dataset, other.table)
     if not table.exists():
         return False
-    there, here = table.description(), own.description()
-    return (there.options, there.files, there.stage_version) == (
-        here.options,
-        here.files,
-        here.stage_version,
+    there, own = (
+        table.description(),
+        work.table(source.dataset, source.inputs[0].table).description(),
     )
+    same = ("options", "files", "stage_version")
+    return all(getattr(there, key) == getattr(own, key) for key in same)
 
 
 def _as_found(segments: pa.Table) -> pa.Table:
@@ -215,7 +212,7 @@ def _by_texts(
     def method(part: TestPart) -> Callable[[Image], Prediction]:
         captions = described(part)
         texts = encode(captions)
-        features = schemas.embedding_array(texts)[rows_of(captions["text_id"], texts["text_id"])]
+        features = schemas.embedding_array(texts)[find(captions["text_id"], texts["text_id"])]
         scales, shifts = head(features.astype(np.float32))
         ids = {name: row for row, name in enumerate(captions["sample_id"].to_pylist())}
 

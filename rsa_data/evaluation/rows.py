@@ -7,10 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError
-from ..store import schemas
 from .inputs import Image, TestPart
 from .methods import Method, Prediction
-from .metrics import clip, errors_of_valid
+from .metrics import clip, errors_of_valid, to_table
 from .protocols import Rules
 
 
@@ -37,8 +36,7 @@ def measure(
                 shown.update(1)
     if shown:
         shown.close()
-    names = schemas.schema("metrics").names
-    return schemas.from_columns("metrics", {n: [row.get(n) for row in rows] for n in names})
+    return to_table(rows)
 
 
 def _row(

@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..heads.belong import Source
 from .inputs import TestPart
 
 
-def one_description(
-    parts: Sequence[TestPart], embeddings: str, captions: str
-) -> Callable[..., np.ndarray] | None:
+def one_description(parts: Sequence[TestPart], source: Source) -> Callable[..., np.ndarray] | None:
     """What gives every image of a scene the feature of its scene's first described image.
 
     Returns `see` for methods.by_head, or None where no scene has two images with a caption.
@@ -18,7 +17,7 @@ def one_description(
     several = False
     scenes: dict[int, list[str]] = {}
     for part in parts:
-        features, there = part.features(embeddings, captions)
+        features, there = part.seen(source)
         scenes[part.number] = [sample["scene"] for sample in part.samples]
         for scene, feature, has in zip(scenes[part.number], features, there, strict=True):
             several |= bool(has) and scene in first

@@ -1,16 +1,21 @@
 """What an evaluation works on: datasets with the split, the tables that belong to a head, rules."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
+from .. import registry
 from ..common.errors import RsaDataError, unknown
 from ..datasets import index
+from ..heads.belong import Source, Tables
 from ..store.tables import WorkDir
 from .inputs import TestPart
 from .protocols import Rules, rules
 
 if TYPE_CHECKING:
-    from ..heads.train.examples import Source
+    from ..heads.description import Description
 
 
 def with_split(work: WorkDir, datasets: Sequence[str], split: str) -> list[str]:
@@ -38,42 +43,41 @@ def with_split(work: WorkDir, datasets: Sequence[str], split: str) -> list[str]:
     return chosen
 
 
-def tables_of(
-    work: WorkDir,
-    about: Mapping[str, Any],
-    names: Sequence[str],
-    style: str | None = None,
-    depth_model: str | None = None,
-) -> "dict[str, Source]":
-    """The tables of each dataset that the head described by `about` can be evaluated with.
+def tables_of(work: WorkDir, about: "Description", wanted: Tables) -> dict[str, Source]:
+    """The tables of each dataset that the head described by `about` can be measured with.
 
-    style, depth_model : where the head does not say (an imported one), and several are there.
+    wanted : datasets; and style and depth model where the head does not say (an imported one), and
+    several are there.
     Raises RsaDataError when tables are missing, or made otherwise than those it was trained on; an
     imported head is held to what is known of it.
     """
     from ..heads import belong
 
-    features, model = about["features"], about["depth_model"]
-    sources = belong.sources(
-        work,
-        names,
-        features["style"] or style,
-        features["encoder"],
-        model["model"] or depth_model,
+    features, depth = about.features, about.depth
+    architecture = registry.resolve("head", registry.HEADS, about.name)
+    reads = architecture.reads or belong.kinds_of(features)
+    tables = replace(
+        wanted,
+        style=features.style or wanted.style,
+        encoder=features.encoder,
+        depth_model=depth.model or wanted.depth_model,
     )
+    sources = belong.sources(work, tables, about.name, reads)
     for source in sources:
-        depth = work.table(source.dataset, source.depth)
+        own = work.table(source.dataset, source.depth)
+        first = source.inputs[0]
         _same(
             "head and embeddings",
-            {k: v for k, v in features.items() if k not in ("dim", "widths")},
-            f"{source.dataset}/{source.embeddings}",
-            belong.features_of(work, source),
+            features.identity(),
+            f"{source.dataset}/{first.table}",
+            belong.features_of(work, source).identity(),
         )
-        found, geometry = belong.depth_identity(depth)
-        wanted = {k: v for k, v in model.items() if k != "geometry"}
-        _same("head and depth", wanted, str(depth), found)
-        if (trained_at := model["geometry"].get(source.dataset)) is not None:
-            belong.same("head and depth", {"the head": trained_at, str(depth): geometry})
+        found, geometry = belong.depth_identity(own)
+        said = msgspec.to_builtins(depth)
+        trained_at = said.pop("geometry").get(source.dataset)
+        _same("head and depth", said, str(own), found)
+        if trained_at is not None:
+            belong.same("head and depth", {"the head": trained_at, str(own): geometry})
     return {source.dataset: source for source in sources}
 
 

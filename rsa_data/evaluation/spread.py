@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..common.errors import RsaDataError
+from ..heads.belong import Source
 from .inputs import Image, TestPart
 from .oracles import metric
 from .protocols import Rules
@@ -29,8 +30,7 @@ class Spread:
 def spread(
     parts: Sequence[TestPart],
     head: Callable[[np.ndarray], tuple[Any, Any]],
-    embeddings: str,
-    captions: str,
+    source: Source,
     rules: Rules,
     variants: Sequence[int],
 ) -> Spread:
@@ -40,12 +40,12 @@ def spread(
     """
     if len(variants) < 2:
         raise RsaDataError(
-            f"{captions}: expected at least 3 variants a caption (the plain one and two more) to "
-            f"measure a spread; found {1 + len(variants)}. Write them with --variants"
+            f"{source.captions}: expected at least 3 variants a caption (the plain one and two "
+            f"more) to measure a spread; found {1 + len(variants)}. Write them with --variants"
         )
     ids, bars, errors = [], [], []
     for part in parts:
-        found = [part.features(embeddings, captions, v) for v in (0, *variants)]
+        found = [part.seen(source, v) for v in (0, *variants)]
         there = np.all([has for _, has in found], axis=0)
         pairs = [head(features) for features, _ in found]
         scales = np.array([np.asarray(scale) for scale, _ in pairs], np.float64)  # (v, n)

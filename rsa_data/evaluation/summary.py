@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from .metrics import METRICS
+from .metrics import metrics
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ def summarise(table: pa.Table, draws: int = 1000, seed: int = 0) -> list[Row]:
 
     draws : of the bootstrap of `interval`; 0 for no intervals.
     """
-    frame = table.select(["dataset", "scene", "method", "status", *METRICS]).to_pandas()
+    frame = table.select(["dataset", "scene", "method", "status", *metrics()]).to_pandas()
     rows = []
     for (dataset, method), group in frame.groupby(["dataset", "method"], sort=False):
         good = group[group["status"] == "ok"]
-        values = good[list(METRICS)].to_numpy(np.float64)
+        values = good[list(metrics())].to_numpy(np.float64)
         scenes = good["scene"].to_numpy()
         low, high = interval(values, scenes, draws, seed)
         rows.append(
@@ -78,4 +78,4 @@ def interval(
 
 
 def _named(values: np.ndarray) -> dict[str, float]:
-    return dict(zip(METRICS, values.tolist(), strict=False))
+    return dict(zip(metrics(), values.tolist(), strict=False))

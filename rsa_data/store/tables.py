@@ -73,9 +73,10 @@ class Table(Receipts):
 
     def description(self) -> Description:
         """What made the table; raises RsaDataError when it has not been begun."""
-        return self._described(Description)
+        return self.described(Description)
 
-    def _described(self, kind: type[T]) -> T:
+    def described(self, kind: type[T]) -> T:
+        """The same as another structure, which stands in the place of a Description."""
         path = self.helper(TABLE)
         if (data := self.store.read(path)) is None:
             raise RsaDataError(f"{self}: no such table. Tables there: {self._neighbours()}")
@@ -162,7 +163,7 @@ class Table(Receipts):
         """
         self.store.sweep(self.path)
         self.store.create(self.helper(TABLE), to_json(description))
-        there = self._described(type(description))
+        there = self.described(type(description))
         different = [
             f"{where}: the table has {short(old)}, this run has {short(new)}"
             for where, old, new in differences(

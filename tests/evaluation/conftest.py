@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 from evaluated import FAST, images
+from flat import train_head
 
-from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 
 

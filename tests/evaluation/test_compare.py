@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from evaluated import images
+from flat import compare
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.evaluation.compare import compare, merge_seeds
+from rsa_data.evaluation.compare import merge_seeds
 from rsa_data.evaluation.contenders import inputs_of
 from rsa_data.store.tables import Description, WorkDir
 
@@ -53,6 +54,7 @@ def test_hard_images_error_bars_and_files(work, found):
     assert "nyuv2: AbsRel of hard images" in found.summary
     assert "void: spread over 2 caption variants" in found.summary
     assert set(work.store.list(found.folder)) == {
+        "_evaluation.json",
         "abs_rel.svg",
         "calibration.svg",
         "metrics.parquet",
@@ -88,7 +90,7 @@ def test_one_seed_needs_no_merging(found):
 
 
 def test_text_must_be_there_and_only_one(work):
-    assert inputs_of(work, ["nyuv2", "void"], None, None) == ("occupancy", "minilm", [])
+    assert inputs_of(work, ["nyuv2", "void"], None, None)["text"] == [("occupancy", "minilm")]
     with pytest.raises(RsaDataError, match="rsa-data embed"):
         inputs_of(work, ["nyuv2"], "counts", None)
     work.table("nyuv2", "embeddings/counts/minilm").bind(

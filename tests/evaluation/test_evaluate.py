@@ -8,14 +8,13 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from evaluated import FAST, images, maps
+from flat import evaluate, train_head
 
 from rsa_data import ScaleHead, depth_errors
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation import setting
-from rsa_data.evaluation.evaluate import evaluate
-from rsa_data.evaluation.metrics import METRICS
+from rsa_data.evaluation.metrics import metrics
 from rsa_data.evaluation.summary import interval
-from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 
 
@@ -37,9 +36,9 @@ def test_every_row_equals_depth_errors_of_its_scale_and_shift(work):
         for (y, gt), row in zip(maps(work, "nyuv2", 1), rows.to_dict("records"), strict=True):
             pred = 1 / (row["scale"] * y + row["shift"])
             expected = depth_errors(gt, pred, min_depth=1e-3, max_depth=10.0)
-            assert {m: row[m] for m in METRICS} == pytest.approx(expected, abs=1e-9)
+            assert {m: row[m] for m in metrics()} == pytest.approx(expected, abs=1e-9)
 
-    means = frame.groupby("method")[list(METRICS)].mean()
+    means = frame.groupby("method")[list(metrics())].mean()
     for row in found.rows:
         assert row.mean == pytest.approx(means.loc[row.method].to_dict())
         assert row.low["abs_rel"] <= row.mean["abs_rel"] <= row.high["abs_rel"]
@@ -52,7 +51,7 @@ def test_it_is_written_and_the_same_again(work):
     read = work.store.read
     files = {n: read(f"{first.folder}/{n}") for n in work.store.list(first.folder)}
     summaries = {f"summary.{e}" for e in ("md", "tex", "csv", "txt")}
-    assert set(files) == {"metrics.parquet", "by_description.csv", *summaries}
+    assert set(files) == {"metrics.parquet", "by_description.csv", "_evaluation.json", *summaries}
     again = evaluate(work)
     assert files == {n: read(f"{again.folder}/{n}") for n in files}
     assert pq.read_table(io.BytesIO(files["metrics.parquet"])).equals(first.table)

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import rooms
+from flat import evaluate, robustness, train_head
 from made_tables import DEPTH
 from msgspec.structs import replace
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.evaluation.evaluate import evaluate
-from rsa_data.evaluation.robustness import CHANGES, robustness
-from rsa_data.heads.train.train_head import train_head
+from rsa_data.evaluation.robustness import CHANGES
 from rsa_data.runner import jobs, runs, stages
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir

@@ -1,23 +1,28 @@
 """External predictions, the paper's rows, hard images, error bars, formats, plots."""
 
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
 from evaluated import SIZE, images, maps
+from flat import evaluate
 
 from rsa_data import depth_errors
 from rsa_data.common.errors import UsageError
 from rsa_data.evaluation import breakdown, formats, paper, plots, spread
 from rsa_data.evaluation.contenders import plans
-from rsa_data.evaluation.evaluate import evaluate
 from rsa_data.evaluation.inputs import TestPart
+from rsa_data.evaluation.metrics import to_table
 from rsa_data.evaluation.scenes import one_description
 from rsa_data.evaluation.setting import rules_of
 from rsa_data.evaluation.summary import Row, summarise
-from rsa_data.store import schemas
+from rsa_data.heads.belong import Source
+from rsa_data.heads.inputs import kinds
+
+SOURCE = Source("void", "depth/files", (kinds.feed("embeddings/occupancy/minilm"),))
 
 
 def test_another_models_depth_under_the_same_protocol(work, tmp_path):
@@ -148,8 +153,7 @@ def test_the_spread_is_that_of_the_variants(work):
         return np.zeros(len(features)), 1.0 / np.exp(features @ np.arange(16))
 
     rules = rules_of(work, "void", "rsa")
-    names = ("embeddings/occupancy/minilm", "captions/occupancy")
-    found = spread.spread([part], head, *names, rules, (1, 2))
+    found = spread.spread([part], head, SOURCE, rules, (1, 2))
     # Variants 1 and 2 give depths of e and, beyond the 5 m of VOID, 5.
     assert found.bar == pytest.approx(np.std([1, np.log(5)], ddof=1))
     truth = []
@@ -178,22 +182,25 @@ def test_calibration_of_bars_that_tell_the_truth():
 def test_one_description_a_scene(work):
     part = TestPart(work, "nyuv2", 1, "depth/files")
     names = ("embeddings/occupancy/minilm", "captions/occupancy")
-    see = one_description([part], *names)
+    see = one_description([part], replace(SOURCE, dataset="nyuv2"))
     features, there = part.features(*names)
     shared = see(features, there, part=1)
     assert np.array_equal(shared, np.repeat(features[::4], 4, axis=0))
     images(work, "void", 4, "test", scenes=["a", "b", "c", "d"])
-    assert one_description([TestPart(work, "void", 0, "depth/files")], *names) is None
+    assert one_description([TestPart(work, "void", 0, "depth/files")], SOURCE) is None
 
 
 def test_plans_of_a_comparison():
     both, text = ("a", "b"), {"style": "occupancy", "encoder": "minilm"}
     fused = {"style": "occupancy", "encoder": "minilm+clip", "head": "fusion"}
-    others = [("images", "clip"), ("proposals", "yolox")]
-    asked = ("few=counts/minilm/mlp3",), ("b+a",)
-    found = plans(["a", "b"], "occupancy", "minilm", others, *asked)
+    shared = {
+        "text": [("occupancy", "minilm")],
+        "image": [("images", "clip")],
+        "proposals": [("proposals", "yolox")],
+    }
+    found = plans(["a", "b"], shared, ("few=counts/minilm/mlp3",), ("b+a",))
     objects = {"style": "proposals", "encoder": "yolox", "head": "proposals"}
-    assert found == [
+    assert [(p.label, p.datasets, p.options) for p in found] == [
         ("text", both, text),
         ("image (clip)", both, {"style": "images", "encoder": "clip"}),
         ("text and image (clip)", both, fused),
@@ -206,11 +213,11 @@ def test_plans_of_a_comparison():
         ("text, b and a", ("b", "a"), text),
     ]
     with pytest.raises(UsageError, match="LABEL=STYLE/ENCODER"):
-        plans(["a"], "occupancy", "minilm", [], ("image",))
+        plans(["a"], shared, ("image",))
     with pytest.raises(UsageError, match="dataset in --subsets 'c'"):
-        plans(["a"], "occupancy", "minilm", [], (), ("a+c",))
+        plans(["a"], shared, (), ("a+c",))
     with pytest.raises(UsageError, match="training split"):
-        plans([], "occupancy", "minilm", [], ())
+        plans([], shared, ())
 
 
 ROWS = [
@@ -260,7 +267,6 @@ def test_plots_are_well_formed():
 
 
 def test_summary_of_nothing_that_could_be_measured():
-    rows = {name: [None] for name in schemas.schema("metrics").names}
-    about = {"sample_id": ["a"], "dataset": ["d"], "scene": ["s"], "method": ["m"]}
-    table = schemas.from_columns("metrics", rows | about | {"status": ["failed"]})
+    about = {"sample_id": "a", "dataset": "d", "scene": "s", "method": "m"}
+    table = to_table([{**about, "status": "failed"}])
     assert summarise(table) == [Row("d", "m", 0, 1, 0, {}, {}, {})]

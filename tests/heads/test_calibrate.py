@@ -7,6 +7,7 @@ import torch
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.belong import encode, same
 from rsa_data.heads.checkpoint import ScaleHead, build_network
+from rsa_data.heads.inputs.vectors import Vectors
 from rsa_data.heads.predict.calibration import REFERENCES, calibrate, distance, references
 from rsa_data.heads.train.examples import Examples
 
@@ -41,9 +42,7 @@ def validation(fit: np.ndarray) -> Examples:
     n = len(fit)
     pixels = np.ones((n, 4), np.float16)
     return Examples(
-        features=np.eye(2, dtype=np.float16),
-        texts=np.arange(n) % 2,
-        first=np.arange(n + 1),
+        inputs=(Vectors(np.eye(2, dtype=np.float16), np.arange(n) % 2, np.arange(n + 1)),),
         relative=pixels,
         metric=pixels,
         fit=fit.astype(np.float32),
@@ -60,9 +59,9 @@ def test_the_prior_is_the_spread_of_the_fits_around_the_prediction():
     fits[1::100] = np.nan
     said = calibrate(constant_head(0.5, 0.2), validation(fits))
     assert said["far"] == 0
-    assert said["prior"]["scale"] == pytest.approx(0.2, rel=0.1)
-    assert said["prior"]["shift"] == pytest.approx(0.3, rel=0.1)
-    assert -0.6 < said["prior"]["correlation"] < -0.2
+    assert said["prior"].scale == pytest.approx(0.2, rel=0.1)
+    assert said["prior"].shift == pytest.approx(0.3, rel=0.1)
+    assert -0.6 < said["prior"].correlation < -0.2
 
 
 def test_few_fits_leave_the_prior_open():

@@ -11,13 +11,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import torch
+from flat import train_head
 from made_tables import DEPTH, ENCODER, write
 from msgspec.structs import replace
 
 from rsa_data import ScaleHead
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.heads.train.settings import Settings, learning_rate
-from rsa_data.heads.train.train_head import train_head
+from rsa_data.heads.train.plan import Training
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir
 
@@ -110,12 +110,13 @@ def test_a_killed_training_goes_on_to_the_same_bytes(work, moment):
     toy(work, "nyuv2")
     train_head(work, name="whole", **FAST)
     code = (
-        "from rsa_data.heads.train.train_head import train_head\n"
+        "from flat import train_head\n"
         "from rsa_data.store.tables import WorkDir\n"
         f"work = WorkDir({work.store.location!r})\n"
         f"train_head(work, name='killed', checkpoint_every=0, **{FAST!r})"
     )
     env = {**os.environ, "RSA_DATA_FAILPOINT": moment}
+    env["PYTHONPATH"] = os.pathsep.join(sys.path)
     died = subprocess.run([sys.executable, "-c", code], env=env, timeout=120)
     assert died.returncode == -9
     train_head(work, name="killed", **FAST)
@@ -262,7 +263,7 @@ def test_image_features_stand_beside_those_of_the_text(work, head):
     image_features(work, "nyuv2", np.random.default_rng(0).normal(size=(120, 5)) * 30, missing=7)
     made = train_head(work, encoder="minilm+eye", **PAPER | {"head": head}).description
     assert made["features"]["encoder"] == "minilm+eye" and made["features"]["dim"] == 21
-    assert made["features"]["images"]["encoder"] == "eye"
+    assert [other["encoder"] for other in made["features"]["beside"]] == ["eye"]
     assert made["datasets"]["nyuv2"]["left_out"] == 1
     assert "embeddings/images/eye" in made["datasets"]["nyuv2"]["tables"]
     loaded = ScaleHead.load(work.store.folder / "heads/head")
@@ -276,17 +277,17 @@ def test_a_head_trains_on_image_features_alone(work):
     image_features(work, "nyuv2", np.random.default_rng(0).normal(size=(120, 5)), missing=7)
     made = train_head(work, style="images", **FAST).description
     assert made["features"]["encoder"] == "eye" and made["features"]["dim"] == 5
-    with pytest.raises(UsageError, match=r"--head fusion: expected features of text and of images"):
+    with pytest.raises(UsageError, match="fusion reads text and image; found --style images"):
         train_head(work, style="images", name="x", **FAST | {"head": "fusion"})
     with pytest.raises(UsageError, match="several embeddings tables; say which"):
         train_head(work, name="x", **FAST)
 
 
 def test_a_loss_by_its_logarithm_is_that_of_the_datasets_named():
-    from rsa_data.heads.train.optimization import with_logs
+    from rsa_data.heads.train.optimization import sum_with_logs
 
     loss, dataset = torch.tensor([2.0, 4.0, 5.0]), torch.tensor([0, 0, 1])
-    total = with_logs(loss, dataset, np.array([True, False]))
+    total = sum_with_logs(loss, dataset, np.array([True, False]))
     assert float(total) == pytest.approx(np.log(3) + 5)
 
 
@@ -325,9 +326,8 @@ def test_a_training_that_blows_up_says_so_and_writes_no_head(work):
     ],
 )
 def test_the_learning_rate_rises_then_falls(schedule, left):
-    about = dict.fromkeys(Settings.__dataclass_fields__)
-    about |= {"schedule": schedule, "epochs": 8, "lr": 1.0, "end_lr": 0.1, "warmup": 1.0}
-    rates = [learning_rate(Settings(**about), epoch) for epoch in (0.49, 2, 4, 8)]
+    training = Training(schedule=schedule, epochs=8, lr=1.0, end_lr=0.1, warmup=1.0)
+    rates = [training.learning_rate(epoch) for epoch in (0.49, 2, 4, 8)]
     expected = [0.1 + 0.9 * left(epoch / 8) for epoch in (0.49, 2, 4, 8)]
     np.testing.assert_allclose(rates, [expected[0] / 2, *expected[1:]], rtol=1e-12)
 

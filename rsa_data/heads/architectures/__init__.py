@@ -1,1 +1,4 @@
-"""The networks a head can be, one a file; a line in the registry names each."""
+"""The networks a head can be, one a file; a line in the registry names each.
+
+Start at `layers.py`.
+"""

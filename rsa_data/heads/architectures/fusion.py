@@ -3,14 +3,22 @@
 The first `text_dim` inputs are the text's, the others the image's.
 """
 
+from collections.abc import Sequence
+
 import torch
 from torch import nn
 
-from .layers import mlp, positive
+from .layers import Head, Seen, mlp, positive
 
 
-class Fusion(nn.Module):
+class Fusion(Head):
     """Text and image features together."""
+
+    reads = ("text", "image")
+
+    @classmethod
+    def sizes(cls, inputs: Sequence[Seen]) -> dict[str, int]:
+        return {"text_dim": inputs[0].width}
 
     def __init__(self, dim: int, text_dim: int):
         super().__init__()

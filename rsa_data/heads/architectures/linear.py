@@ -1,12 +1,11 @@
 """The smallest head: the logarithms of scale and shift are linear in the features."""
 
 import torch
-from torch import nn
 
-from .layers import mlp, positive
+from .layers import Head, mlp, positive
 
 
-class Linear(nn.Module):
+class Linear(Head):
     """Logarithms of scale and shift linear in the features: the least that can be learned."""
 
     def __init__(self, dim: int):

@@ -6,12 +6,11 @@ to 0.06, they differ by 2 to 6%. This is exp, as in the paper.
 """
 
 import torch
-from torch import nn
 
-from .layers import mlp, positive
+from .layers import Head, mlp, positive
 
 
-class Mlp3(nn.Module):
+class Mlp3(Head):
     """The head of the released checkpoints: three shared layers, three each for scale and shift."""
 
     def __init__(self, dim: int):

@@ -5,12 +5,11 @@ code (Adonis-galaxy/RSA, lanscale.py), so that its checkpoints fit.
 """
 
 import torch
-from torch import nn
 
-from .layers import mlp, positive
+from .layers import Head, mlp, positive
 
 
-class Mlp5(nn.Module):
+class Mlp5(Head):
     """The paper's final head: five shared layers, five each for scale and shift."""
 
     def __init__(self, dim: int):

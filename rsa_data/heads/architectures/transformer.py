@@ -7,10 +7,10 @@ attention has nothing to attend to; here a token each for scale and for shift re
 import torch
 from torch import nn
 
-from .layers import mlp, positive
+from .layers import Head, mlp, positive
 
 
-class Transformer(nn.Module):
+class Transformer(Head):
     """The rebuttal's transformer: 256 hidden, 4 heads, a 3-layer MLP each for scale and shift."""
 
     def __init__(self, dim: int, width: int = 256, heads: int = 4, layers: int = 1):

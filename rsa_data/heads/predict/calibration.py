@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..checkpoint import ScaleHead
+from ..description import Prior
 from ..train.examples import Examples
 
 # Texts that stand for all texts of the training set, to measure from.
@@ -15,7 +16,8 @@ def references(parts: list[np.ndarray]) -> np.ndarray:
     """At most REFERENCES features, float16 (m, dim), spread evenly over those of all parts."""
     features = np.concatenate(parts)
     rows = np.linspace(0, len(features) - 1, min(len(features), REFERENCES)).astype(int)
-    return features[rows].astype(np.float16)
+    found: np.ndarray = features[rows].astype(np.float16)
+    return found
 
 
 def distance(features: np.ndarray, references: np.ndarray, mean: np.ndarray) -> np.ndarray:
@@ -23,9 +25,11 @@ def distance(features: np.ndarray, references: np.ndarray, mean: np.ndarray) -> 
 
     def unit(x: np.ndarray) -> np.ndarray:
         x = x.astype(np.float32) - mean
-        return x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+        unit: np.ndarray = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+        return unit
 
-    return 1 - (unit(features) @ unit(references).T).max(1)
+    found: np.ndarray = 1 - (unit(features) @ unit(references).T).max(1)
+    return found
 
 
 def calibrate(head: ScaleHead, validation: Examples) -> dict[str, Any]:
@@ -37,21 +41,22 @@ def calibrate(head: ScaleHead, validation: Examples) -> dict[str, Any]:
         relative errors (by the median absolute deviation, so that single bad fits do not count)
         and their correlation. See `refine.refine`.
     """
-    features = validation.features[validation.texts[validation.first[:-1]]]
-    assert head.reference is not None
-    far = np.quantile(distance(features, head.reference, head.mean.numpy()), 0.99)
-    said: dict[str, Any] = {"far": round(float(far), 4)}
+    features = validation.rows(np.arange(len(validation)))
+    said: dict[str, Any] = {}
+    if head.reference is not None:
+        far = np.quantile(distance(features, head.reference, head.mean.numpy()), 0.99)
+        said["far"] = round(float(far), 4)
     # A head that has collapsed may say 0 or inf, as exp does of a large number.
-    predicted = np.clip(np.stack(head(features), 1), 1e-12, 1e12)  # (n, 2)
+    predicted = np.clip(np.stack(head.outputs(features), 1), 1e-12, 1e12)  # (n, 2)
     error = (validation.fit - predicted) / predicted
     error = error[np.isfinite(error).all(1)]
     if len(error) >= 10:
         spread = 1.4826 * np.median(np.abs(error), axis=0)
         clipped = np.clip(error, -3 * spread, 3 * spread)
         together = np.corrcoef(clipped.T)[0, 1] if (clipped.std(0) > 0).all() else 0.0
-        said["prior"] = {
-            "scale": round(max(float(spread[0]), 0.01), 4),
-            "shift": round(max(float(spread[1]), 0.01), 4),
-            "correlation": round(float(np.clip(together, -0.99, 0.99)), 4),
-        }
+        said["prior"] = Prior(
+            scale=round(max(float(spread[0]), 0.01), 4),
+            shift=round(max(float(spread[1]), 0.01), 4),
+            correlation=round(float(np.clip(together, -0.99, 0.99)), 4),
+        )
     return said

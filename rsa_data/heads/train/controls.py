@@ -1,48 +1,40 @@
 """Heads that see too little, to tell what a head has learned beyond each dataset's average."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
-from .examples import Examples, ranges
-
-# none: a real head. shuffled: each image gets the captions of another image of its dataset.
-# dataset: the dataset's name, one-hot, in place of the caption's feature.
-Control = Literal["none", "shuffled", "dataset"]
+from ..inputs.vectors import Vectors
+from .examples import Examples
 
 
 def permutation(count: int, seed: int, part: int) -> np.ndarray:
-    """Whose captions each of `count` images of a part gets: int64 (count,), the same every time."""
+    """Whose features each of `count` images of a part gets: int64 (count,), always the same."""
     return np.random.default_rng((seed, part)).permutation(count)
 
 
-def controlled(
-    examples: Examples, control: Control, seed: int, part: int, datasets: int
-) -> Examples:
+def controlled(examples: Examples, control: str, seed: int, part: int, datasets: int) -> Examples:
     """The examples of one part as a control head sees them.
 
+    control : none, a real head; shuffled, each image gets what the head reads of another image of
+    its dataset; dataset, the dataset's name, one-hot, in place of the features.
     part : number of the part. datasets : how many datasets the head is trained on.
     """
     if control == "shuffled":
         other = permutation(len(examples), seed, part)
-        counts = np.diff(examples.first)[other]
-        texts = examples.texts[ranges(examples.first[other], counts)]
-        return replace(examples, texts=texts, first=np.concatenate([[0], np.cumsum(counts)]))
+        return replace(examples, inputs=tuple(block.take(other) for block in examples.inputs))
     if control == "dataset":
-        return replace(
-            examples,
-            features=np.eye(datasets, dtype=np.float32),
-            texts=examples.dataset,
-            first=np.arange(len(examples) + 1),
+        names = Vectors(
+            np.eye(datasets, dtype=np.float32), examples.dataset, np.arange(len(examples) + 1)
         )
+        return replace(examples, inputs=(names,))
     return examples
 
 
 def controlled_features(
     features: np.ndarray,
     there: np.ndarray,
-    control: Control,
+    control: str,
     *,
     seed: int,
     part: int,

@@ -1,11 +1,26 @@
-"""What training minimises: functions from inverse depth or logarithms to one number an image."""
+"""What training minimises at the sampled pixels; a line in the registry names each loss."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 
-# Metric depth of the head (m) and of the ground truth (m), both (b, k) -> (b,).
-Loss = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+
+@dataclass(frozen=True)
+class Loss:
+    """A loss of depth.
+
+    of : metric depth of the head (m) and of the ground truth (m), both (b, k) -> (b,).
+    in_metres : whether it grows with the unit, so that an error of 1 m weighs the same in a room
+        and in a street.
+    """
+
+    of: Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+    in_metres: bool = False
+
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]
+        return self.of.__doc__
 
 
 def depth(inverse: torch.Tensor, far: torch.Tensor) -> torch.Tensor:
@@ -19,22 +34,22 @@ def depth(inverse: torch.Tensor, far: torch.Tensor) -> torch.Tensor:
     return 1 / near + (near - inverse) * far.square()
 
 
-def l1(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Mean absolute error."""
+def _l1(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Mean absolute error, m."""
     return (predicted - true).abs().mean(1)
 
 
-def huber(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
-    """Huber with delta 1, as in the released code."""
+def _huber(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+    """Huber with delta 1 m, as in the released code."""
     return torch.nn.functional.huber_loss(predicted, true, reduction="none").mean(1)
 
 
-def log_l1(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+def _log_l1(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     """Mean absolute error of the logarithm: about the relative error."""
     return (predicted.log() - true.log()).abs().mean(1)
 
 
-def silog(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
+def _silog(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     """Scale-invariant error of the logarithm, with 0.85 of the mean taken off (BTS): 10 sqrt(.).
 
     Eigen et al. 2014 with the weight of Lee et al. 2019, over an image's pixels.
@@ -42,6 +57,12 @@ def silog(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     error = predicted.log() - true.log()
     # The variance is never negative, but its float32 estimate may be; the root wants more than 0.
     return 10 * (error.square().mean(1) - 0.85 * error.mean(1).square()).clamp_min(1e-8).sqrt()
+
+
+L1 = Loss(_l1, in_metres=True)
+HUBER = Loss(_huber, in_metres=True)
+LOG_L1 = Loss(_log_l1)
+SILOG = Loss(_silog)
 
 
 def to_fit(scale: torch.Tensor, shift: torch.Tensor, fit: torch.Tensor) -> torch.Tensor:
@@ -52,8 +73,3 @@ def to_fit(scale: torch.Tensor, shift: torch.Tensor, fit: torch.Tensor) -> torch
     """
     error = (torch.stack([scale, shift], 1).log() - fit.clamp_min(1e-12).log()).abs()
     return torch.where(fit > 0, error, 0.0).sum(1)
-
-
-LOSSES: dict[str, Loss] = {"l1": l1, "huber": huber, "log-l1": log_l1, "silog": silog}
-# Those that grow with the unit: an error of 1 m weighs the same in a room and in a street.
-METRIC = ("l1", "huber")

@@ -1,7 +1,7 @@
 """The optimisation itself: epochs over examples, best weights by validation, state that resumes."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,31 +9,32 @@ import torch
 from torch import nn
 
 from ...common.errors import RsaDataError
+from ..architectures.layers import Head
 from .examples import Examples
-from .losses import LOSSES, METRIC, depth, to_fit
-from .settings import Settings, learning_rate
+from .losses import Loss, depth, to_fit
+from .plan import Goal, Training
+from .state import State
 
 
-@dataclass
-class State:
-    """What a run has come to after some epochs; enough to go on as if nothing had happened.
+@dataclass(frozen=True)
+class Settings:
+    """What the optimisation needs beside the options.
 
-    weights, moment1, moment2 : all parameters in one row, and Adam's moments; best : the weights
-    of the best epoch; history : one dict an epoch.
+    loss : of depth. batch : images in a step.
+    log : bool for each dataset: its loss in a batch enters as its logarithm.
+    weight, unit, min_depth, max_depth : a number for each dataset: what multiplies the loss of its
+        images; what its metric errors are divided by, m; the range of its depth, m.
     """
 
-    weights: torch.Tensor
-    moment1: torch.Tensor
-    moment2: torch.Tensor
-    best: torch.Tensor
-    steps: int = 0
-    history: list[dict[str, Any]] = field(default_factory=list)
-
-    @property
-    def best_epoch(self) -> int:
-        """Epoch with the lowest validation AbsRel, the earliest if several; 0 before the first."""
-        errors = [row["val_abs_rel"] for row in self.history]
-        return 1 + int(np.argmin(errors)) if errors else 0
+    goal: Goal
+    training: Training
+    loss: Loss
+    batch: int
+    log: np.ndarray
+    weight: np.ndarray
+    unit: np.ndarray
+    min_depth: np.ndarray
+    max_depth: np.ndarray
 
 
 def flatten(network: nn.Module) -> torch.Tensor:
@@ -73,7 +74,7 @@ class Data(Protocol):
 
 
 def fit(
-    network: nn.Module,
+    network: Head,
     data: Data,
     settings: Settings,
     state: State,
@@ -85,31 +86,36 @@ def fit(
     after_epoch : called with the state after each epoch, to store it. tick : called with the number
     of images after each step.
     """
+    how = settings.training
     row = flatten(network)
     with torch.no_grad():
         row.copy_(state.weights)
-    kind = torch.optim.AdamW if settings.optimizer == "adamw" else torch.optim.Adam
-    decay = settings.weight_decay
-    optimizer = kind([row], lr=settings.lr, weight_decay=decay, fused=True)
+    kind = torch.optim.AdamW if how.optimizer == "adamw" else torch.optim.Adam
+    optimizer = kind([row], lr=how.lr, weight_decay=how.weight_decay, fused=True)
     optimizer.state[row] = {
         "step": torch.tensor(float(state.steps)),
         "exp_avg": state.moment1.clone(),
         "exp_avg_sq": state.moment2.clone(),
     }
-    for epoch in range(len(state.history), settings.epochs):
-        if settings.patience and epoch - state.best_epoch >= settings.patience:
+    for epoch in range(len(state.history), how.epochs):
+        if how.patience and epoch - state.best_epoch >= how.patience:
             break
-        seen, loss = 0, 0.0
+        seen, loss, lr = 0, 0.0, how.lr
+        network.train()
         for number, window in enumerate(data(epoch)):
-            generator = torch.Generator().manual_seed(_mix(settings.seed, epoch, number))
-            for batch in _batches(window, data, settings, generator):
-                # Progress counts images, so that it does not depend on how windows are cut.
-                lr = learning_rate(settings, epoch + seen / data.total)
-                optimizer.param_groups[0]["lr"] = lr
-                loss += _step(network, row, optimizer, batch, settings) * len(batch[0])
-                seen += len(batch[0])
-                state.steps += 1
-                tick(len(batch[0]))
+            seed = _mix(how.seed, epoch, number)
+            generator = torch.Generator().manual_seed(seed)
+            with torch.random.fork_rng(devices=[]):
+                torch.manual_seed(seed)  # what a head itself draws in training
+                for batch in _batches(window, data, network, settings, generator):
+                    # Progress counts images, so that it does not depend on how windows are cut.
+                    lr = how.learning_rate(epoch + seen / data.total)
+                    optimizer.param_groups[0]["lr"] = lr
+                    loss += _step(network, row, optimizer, batch, settings) * len(batch[0])
+                    seen += len(batch[0])
+                    state.steps += 1
+                    tick(len(batch[0]))
+        network.eval()
         if not np.isfinite(loss):
             raise RsaDataError(
                 f"train-head: the loss is not finite any more in epoch {epoch + 1}: expected it to "
@@ -135,35 +141,35 @@ def _mix(*numbers: int) -> int:
 
 
 def _batches(
-    window: Examples, data: Data, settings: Settings, generator: torch.Generator
+    window: Examples, data: Data, network: Head, settings: Settings, generator: torch.Generator
 ) -> Iterable[tuple[torch.Tensor, ...]]:
     """Batches of one epoch over one window: features, y and metric depth, fit, dataset.
 
     Every image comes once, with a caption variant and a run of its pixels drawn for this epoch.
     """
-    features, texts = torch.from_numpy(window.features), torch.from_numpy(window.texts)
-    first = torch.from_numpy(window.first)
+    pixels = settings.training.pixels
     relative, metric = torch.from_numpy(window.relative), torch.from_numpy(window.metric)
     fits, dataset = torch.from_numpy(window.fit), torch.from_numpy(window.dataset)
     order = torch.randperm(len(window), generator=generator)
-    drawn = torch.rand(len(window), generator=generator, dtype=torch.float64)
-    variant = first[:-1] + (drawn * first.diff()).long()
-    for rows in order.split(settings.batch):
+    drawn = torch.rand(len(window), generator=generator, dtype=torch.float64).numpy()
+    for begin in range(0, len(window), settings.batch):
+        images = order[begin : begin + settings.batch]
         # Pixels are stored in random order, so any run of them is a random sample.
-        runs = max(1, relative.shape[1] // settings.pixels)
-        start = settings.pixels * int(torch.randint(runs, (1,), generator=generator))
-        pixels = slice(start, start + settings.pixels)
+        runs = max(1, relative.shape[1] // pixels)
+        start = pixels * int(torch.randint(runs, (1,), generator=generator))
+        taken = slice(start, start + pixels)
+        x = torch.from_numpy(window.rows(images.numpy(), drawn[images.numpy()]))
         yield (
-            (features[texts[variant[rows]]].float() - data.mean) * data.factor,
-            relative[rows, pixels].float(),
-            metric[rows, pixels].float(),
-            fits[rows],
-            dataset[rows],
+            network.centred(x.float(), data.mean, data.factor),
+            relative[images, taken].float(),
+            metric[images, taken].float(),
+            fits[images],
+            dataset[images],
         )
 
 
 def _step(
-    network: nn.Module,
+    network: Head,
     row: torch.Tensor,
     optimizer: torch.optim.Optimizer,
     batch: tuple[torch.Tensor, ...],
@@ -171,51 +177,55 @@ def _step(
 ) -> float:
     """One step of the optimiser; returns the loss."""
     x, y, true, fits, dataset = batch
-    with torch.autocast("cpu", torch.bfloat16, enabled=settings.precision == "bfloat16"):
+    how, goal = settings.training, settings.goal
+    with torch.autocast("cpu", torch.bfloat16, enabled=how.precision == "bfloat16"):
         scale, shift = network(x)  # (b,), (b,)
     loss = torch.zeros(len(x))
-    if settings.supervision != "fit":
+    if goal.supervision != "fit":
         far = torch.from_numpy(settings.max_depth)[dataset, None].float()
         predicted = depth(scale[:, None] * y + shift[:, None], far)  # (b, k)
-        unit = torch.from_numpy(settings.unit)[dataset].float() if settings.loss in METRIC else 1.0
-        loss = loss + LOSSES[settings.loss](predicted, true) / unit  # (b,)
-    if settings.supervision != "depth":
+        unit = torch.from_numpy(settings.unit)[dataset].float() if settings.loss.in_metres else 1.0
+        loss = loss + settings.loss.of(predicted, true) / unit  # (b,)
+    if goal.supervision != "depth":
         loss = loss + to_fit(scale, shift, fits)
     loss = loss * torch.from_numpy(settings.weight)[dataset].float()
-    mean = loss.mean() if not settings.log.any() else with_logs(loss, dataset, settings.log)
+    mean = loss.mean() if not settings.log.any() else sum_with_logs(loss, dataset, settings.log)
     gradient = row.grad
     assert gradient is not None
     gradient.zero_()
-    mean.backward()
+    torch.autograd.backward(mean)
     norm = gradient.norm()
-    if settings.clip and norm > settings.clip:
-        gradient.mul_(settings.clip / norm)
+    if how.clip and norm > how.clip:
+        gradient.mul_(how.clip / norm)
     optimizer.step()
     return float(mean.detach())
 
 
-def with_logs(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
+def sum_with_logs(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
     """Sum over the datasets of a batch of their mean loss, or of its logarithm."""
     total = torch.zeros(())
-    for d in dataset.unique().tolist():
+    for d in torch.unique(dataset).tolist():
         mean = loss[dataset == d].mean()
         total = total + (mean.log() if log[d] else mean)
     return total
 
 
 @torch.no_grad()
-def abs_rel(network: nn.Module, data: Data, settings: Settings) -> dict[int, float]:
+def abs_rel(network: Head, data: Data, settings: Settings) -> dict[int, float]:
     """AbsRel of each dataset: mean over its images of |predicted - true| / true at their pixels.
 
     Each image with its first variant; predictions are clipped to the dataset's depth range.
     """
     examples = data.validation
-    features = torch.from_numpy(examples.features[examples.texts[examples.first[:-1]]])
     errors = []
-    for rows in torch.arange(len(examples)).split(1024):
-        scale, shift = network((features[rows].float() - data.mean) * data.factor)
-        y, true = (torch.from_numpy(a[rows]).float() for a in (examples.relative, examples.metric))
-        dataset = examples.dataset[rows]
+    for begin in range(0, len(examples), 1024):
+        images = np.arange(begin, min(begin + 1024, len(examples)))
+        x = torch.from_numpy(examples.rows(images)).float()
+        scale, shift = network(network.centred(x, data.mean, data.factor))
+        y, true = (
+            torch.from_numpy(a[images]).float() for a in (examples.relative, examples.metric)
+        )
+        dataset = examples.dataset[images]
         near, far = (
             torch.from_numpy(limit[dataset])[:, None].float()
             for limit in (settings.min_depth, settings.max_depth)

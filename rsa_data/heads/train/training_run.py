@@ -1,110 +1,62 @@
 """One training run: its examples, its state on disk, and the head that it leaves."""
 
-import io
-import json
+import hashlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 import numpy as np
-import pyarrow.parquet as pq
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load as from_safetensors
-from safetensors.torch import save as to_safetensors
 
+from ... import registry
 from ...common.errors import RsaDataError
-from ...store import schemas
 from ...store.failpoints import failpoint
-from ...store.tables import WorkDir, fingerprint
+from ...store.tables import Table, WorkDir, fingerprint
+from .. import description as forms
+from ..architectures.layers import Head
 from ..checkpoint import FORMAT, ScaleHead, build_network
+from ..description import Description, Used, Validation
 from ..predict.calibration import calibrate
-from .examples import Source
-from .optimization import State, begin, fit
-from .settings import Settings
-from .train_head import Trained
+from .optimization import Settings, begin, fit
+from .plan import Described, Plan
+from .state import State, from_checkpoint, to_checkpoint, to_history
+from .trained import Trained
 from .windows import Windows
 
-# Options that never change what comes out.
-_LOCAL = ("memory", "checkpoint_every")
-
-
-@dataclass(frozen=True)
-class Plan:
-    """All that decides the head, checked: see `train_head`.
-
-    numbers, limits, geometry, digests : by dataset: training parts; (min, max) depth, m; the depth
-        model's input geometry; digest of the training parts of each table.
-    widths : how many features each table of features gives.
-    """
-
-    name: str
-    sources: list[Source]
-    numbers: dict[str, list[int]]
-    limits: dict[str, tuple[float, float]]
-    features: dict[str, Any]
-    widths: list[int]
-    architecture: dict[str, Any]
-    depth_model: dict[str, Any]
-    geometry: dict[str, dict[str, Any]]
-    digests: dict[str, dict[str, str]]
-    options: dict[str, Any]
-
-    @property
-    def identity(self) -> "Training":
-        """What another run must share to be the same run."""
-        options = {k: v for k, v in self.options.items() if k not in _LOCAL}
-        return Training(options=options, inputs=self.digests)
-
-
-class Training(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
-    """_table.json of a head: what its training follows from; inputs : digests by dataset, table."""
-
-    stage: str = "train-head"
-    schema: str = "history"
-    version: int = 1
-    options: dict[str, Any]
-    inputs: dict[str, dict[str, str]]
+_FILES = ("head.json", "head.safetensors", "history.parquet", "checkpoint.safetensors")
 
 
 def run(
     work: WorkDir, plan: Plan, bar: Callable[[str, int], Any] | None, start_over: bool
 ) -> Trained:
-    """Trains, or goes on training, and writes the head; returns at once when it is there."""
-    store, folder, options = work.store, f"heads/{plan.name}", plan.options
+    """Trains, or continues training, and writes the head; returns at once when it is there."""
+    store, folder = work.store, f"heads/{plan.name}"
     table = work.table("heads", plan.name)
     if start_over:
-        for file in ("head.json", "head.safetensors", "history.parquet", "checkpoint.safetensors"):
+        for file in _FILES:
             store.delete(f"{folder}/{file}")
         table.start_over()
     if table.exists():
-        table.bind(plan.identity)
+        table.bind(plan.described)
+    training = fingerprint(msgspec.to_builtins(plan.described))
     if (done := store.read(f"{folder}/head.json")) is not None:
-        store.delete(f"{folder}/checkpoint.safetensors")  # of a run killed at its very end
-        return Trained(f"{store.location}/{folder}", json.loads(done))
+        about = forms.read(done, f"{store.location}/{folder}/head.json")
+        if about.training in (msgspec.UNSET, training):
+            store.delete(f"{folder}/checkpoint.safetensors")  # of a run killed at its very end
+            return Trained(f"{store.location}/{folder}", about)
 
-    torch.set_num_threads(options["threads"])
+    torch.set_num_threads(plan.machine.threads)
     examples = Windows(work, plan)
-    table.bind(plan.identity)
-    names = [source.dataset for source in plan.sources]
-    network = _first_network(plan, examples)
-    limits = np.array([plan.limits[name] for name in names])
-    settings = Settings(
-        **{
-            **{key: options[key] for key in Settings.__dataclass_fields__ if key in options},
-            "batch": options["batch"] or int(np.clip(examples.total // 16, 16, 256)),
-        },
-        log=np.array([name in options["log_loss"] for name in names]),
-        unit=np.ones(len(names)) if options["units"] == "metres" else examples.mean_depth,
-        weight=_weights(examples.images, options["balance"]),
-        min_depth=limits[:, 0],
-        max_depth=limits[:, 1],
-    )
-    identity = fingerprint(plan.identity)
-    state = _resume(store.read(f"{folder}/checkpoint.safetensors"), identity) or begin(network)
-    shown = bar(f"train {plan.name}", options["epochs"] * examples.total) if bar else None
+    table.bind(plan.described)
+    cls = registry.resolve("head", registry.HEADS, plan.model.head)
+    architecture = {"name": plan.model.head, **cls.sizes(examples.inputs)}
+    network = _first_network(plan, architecture, examples)
+    parameters = sum(p.numel() for p in network.parameters())
+    left = store.read(f"{folder}/checkpoint.safetensors")
+    state = from_checkpoint(left, training, parameters) or begin(network)
+    epochs = plan.training.epochs
+    shown = bar(f"train {plan.name}", epochs * examples.total) if bar else None
     if shown:
         shown.update(len(state.history) * examples.total)
 
@@ -112,32 +64,78 @@ def run(
 
     def after_epoch(state: State) -> None:
         nonlocal written
-        if time.monotonic() - written >= options["checkpoint_every"]:
+        if time.monotonic() - written >= plan.machine.checkpoint_every:
             failpoint("checkpoint")
-            store.write(f"{folder}/checkpoint.safetensors", _checkpoint(state, identity))
+            _still_ours(table, plan)
+            store.write(f"{folder}/checkpoint.safetensors", to_checkpoint(state, training))
             written = time.monotonic()
 
-    state = fit(
-        network,
-        examples,
-        settings,
-        state,
-        after_epoch,
-        shown.update if shown else lambda images: None,
-    )
+    tick = shown.update if shown else lambda images: None
+    state = fit(network, examples, _settings(plan, examples), state, after_epoch, tick)
     if shown:
         shown.close()
     torch.nn.utils.vector_to_parameters(state.best, network.parameters())
-    description = describe(work, plan, examples, state, network)
-    head = ScaleHead(network, description, examples.mean, examples.factor, examples.reference)
-    description.update(calibrate(head, examples.validation))
-    store.write(f"{folder}/history.parquet", _history(state, names))
-    head.save(store, folder)
+    history = to_history(state, [source.dataset for source in plan.sources])
+    about = describe(work, plan, examples, state, architecture)
+    about = msgspec.structs.replace(
+        about, training=training, history=hashlib.sha256(history).hexdigest(), parameters=parameters
+    )
+    head = ScaleHead(network, about, examples.mean, examples.factor, examples.reference)
+    head.about = msgspec.structs.replace(about, **calibrate(head, examples.validation))
+    files = {"history.parquet": history, **head.files()}
+    commit(table, plan, files)
     store.delete(f"{folder}/checkpoint.safetensors")
-    return Trained(f"{store.location}/{folder}", description)
+    written_about = forms.read(files["head.json"], "head.json")
+    return Trained(f"{store.location}/{folder}", written_about)
 
 
-def _first_network(plan: Plan, examples: Windows) -> torch.nn.Module:
+def commit(table: Table, plan: Plan, files: dict[str, bytes]) -> None:
+    """Writes a head's files, head.json last; only while the folder is still this training's.
+
+    Another training may have taken the name over with --start-over, and then its description
+    stands there. Each file appears only where none is, so that what a slower training still
+    writes never replaces a file of the faster one; head.json says by digests what belongs to it.
+    Raises RsaDataError when the folder is not this training's any more.
+    """
+    for name, content in files.items():
+        while not table.store.create(f"{table.path}/{name}", content):
+            _still_ours(table, plan)
+            # A leftover of a training that was pushed aside or killed.
+            table.store.delete(f"{table.path}/{name}")
+    try:
+        _still_ours(table, plan)
+    except RsaDataError:
+        if table.store.read(f"{table.path}/head.json") == files["head.json"]:
+            table.store.delete(f"{table.path}/head.json")
+        raise
+
+
+def _still_ours(table: Table, plan: Plan) -> None:
+    """Raises RsaDataError unless the folder's description is the plan's."""
+    if not table.exists() or table.described(Described) != plan.described:
+        raise RsaDataError(
+            f"{table}: another training has taken this name over with --start-over: this one "
+            "stopped and wrote no head. Train under another --name to keep both"
+        )
+
+
+def _settings(plan: Plan, examples: Windows) -> Settings:
+    names = [source.dataset for source in plan.sources]
+    limits = np.array([plan.limits[name] for name in names])
+    return Settings(
+        goal=plan.goal,
+        training=plan.training,
+        loss=registry.resolve("loss", registry.LOSSES, plan.goal.loss),
+        batch=plan.training.batch or int(np.clip(examples.total // 16, 16, 256)),
+        log=np.array([name in plan.goal.log_loss for name in names]),
+        unit=np.ones(len(names)) if plan.goal.units == "metres" else examples.mean_depth,
+        weight=_weights(examples.images, plan.goal.balance),
+        min_depth=limits[:, 0],
+        max_depth=limits[:, 1],
+    )
+
+
+def _first_network(plan: Plan, architecture: dict[str, Any], examples: Windows) -> Head:
     """A network drawn from the seed, whose output begins at the datasets' typical scale and shift.
 
     y may be in any unit (0 to 1, 0 to 10,000), so without that the first steps, or all of them,
@@ -145,9 +143,9 @@ def _first_network(plan: Plan, examples: Windows) -> torch.nn.Module:
     head without networks of these names begins as it is.
     """
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(plan.options["seed"])
-        network = build_network(plan.architecture, examples.dim)
-    if plan.options["initial"] == "random":
+        torch.manual_seed(plan.training.seed)
+        network = build_network(architecture, examples.dim)
+    if plan.model.initial == "random":
         return network
     with torch.no_grad():
         outputs = ("scale_net", "shift_net")
@@ -161,95 +159,45 @@ def _weights(images: np.ndarray, balance: str) -> np.ndarray:
     """What multiplies the loss of each dataset's images; 1 on average over all images."""
     if balance == "images":
         return np.ones(len(images))
-    return images.sum() / (len(images) * images)
+    found: np.ndarray = images.sum() / (len(images) * images)
+    return found
 
 
 def describe(
-    work: WorkDir, plan: Plan, examples: Windows, state: State, network: torch.nn.Module
-) -> dict[str, Any]:
+    work: WorkDir, plan: Plan, examples: Windows, state: State, architecture: dict[str, Any]
+) -> Description:
     """head.json: everything that says what the head is, and whether it fits other tables."""
     names = [source.dataset for source in plan.sources]
     best = state.history[state.best_epoch - 1]
-    return {
-        "format": FORMAT,
-        "architecture": plan.architecture,
-        "parameters": sum(p.numel() for p in network.parameters()),
-        "features": {**plan.features, "dim": examples.dim},
-        "standardized": plan.options["standardize"],
-        "depth_model": {**plan.depth_model, "geometry": plan.geometry},
-        "datasets": {
-            name: {
-                "images": int(examples.images[i]),
-                "validation_images": int(examples.validation_images[i]),
-                "validation": examples.how[i],
-                "left_out": int(examples.left_out[i]),
-                "min_depth": plan.limits[name][0],
-                "max_depth": plan.limits[name][1],
-                "tables": plan.digests[name],
-            }
+    captions = {
+        s.dataset: work.table(s.dataset, s.captions).description()
+        for s in plan.sources
+        if s.captions
+    }
+    return Description(
+        format=FORMAT,
+        architecture=architecture,
+        features=msgspec.structs.replace(plan.features, dim=examples.dim),
+        standardized=plan.model.standardize,
+        depth_model=plan.depth_model,
+        datasets={
+            name: Used(
+                images=int(examples.images[i]),
+                validation_images=int(examples.validation_images[i]),
+                validation=examples.how[i],
+                left_out=int(examples.left_out[i]),
+                min_depth=plan.limits[name][0],
+                max_depth=plan.limits[name][1],
+                tables=plan.digests[name],
+            )
             for i, name in enumerate(names)
         },
-        # What found the objects, so that new images are described by the same.
-        "segments": {
-            s.dataset: work.table(s.dataset, s.captions).description().inputs[0]
-            for s in plan.sources
-            if s.captions
-        },
-        "captions": {
-            s.dataset: work.table(s.dataset, s.captions).description().options
-            for s in plan.sources
-            if s.captions
-        },
-        "options": {k: v for k, v in plan.options.items() if k not in _LOCAL},
-        "validation": {
-            "epoch": state.best_epoch,
-            "abs_rel": {names[d]: value for d, value in best["errors"].items()},
-        },
-        "epochs_run": len(state.history),
-    }
-
-
-def _history(state: State, names: list[str]) -> bytes:
-    rows = [
-        {**row, "dataset": names[d], "val_abs_rel": error, "best": row["epoch"] == state.best_epoch}
-        for row in state.history
-        for d, error in row["errors"].items()
-    ]
-    columns = {name: [row[name] for row in rows] for name in schemas.schema("history").names}
-    table = schemas.from_columns("history", columns)
-    schemas.check("history", table)
-    buffer = io.BytesIO()
-    pq.write_table(table, buffer)
-    return buffer.getvalue()
-
-
-_ROWS = ("weights", "moment1", "moment2", "best")
-
-
-def _checkpoint(state: State, identity: str) -> bytes:
-    history = [
-        {**row, "errors": {str(d): e for d, e in row["errors"].items()}} for row in state.history
-    ]
-    about = {"identity": identity, "steps": state.steps, "history": history}
-    rows = torch.stack([getattr(state, name) for name in _ROWS])
-    return to_safetensors({"rows": rows}, {"state": json.dumps(about)})
-
-
-def _resume(data: bytes | None, identity: str) -> State | None:
-    """The state that a killed run left; None when there is none."""
-    if data is None:
-        return None
-    try:
-        length = int.from_bytes(data[:8], "little")
-        about = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["state"])
-        rows = dict(zip(_ROWS, from_safetensors(data)["rows"], strict=True))
-    except (ValueError, KeyError, SafetensorError) as error:
-        raise RsaDataError(
-            f"checkpoint.safetensors: broken: {error}. --start-over trains anew"
-        ) from error
-    if about["identity"] != identity:
-        raise RsaDataError("checkpoint.safetensors is of another training: use --start-over")
-    history = [
-        {**row, "errors": {int(d): e for d, e in row["errors"].items()}} for row in about["history"]
-    ]
-    return State(**rows, steps=about["steps"], history=history)
+        segments={name: about.inputs[0] for name, about in captions.items()},
+        captions={name: about.options for name, about in captions.items()},
+        options=plan.options,
+        validation=Validation(
+            epoch=state.best_epoch,
+            abs_rel={names[d]: value for d, value in best["errors"].items()},
+        ),
+        epochs_run=len(state.history),
+    )

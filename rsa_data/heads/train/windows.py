@@ -1,20 +1,18 @@
 """Training and validation examples of a run: whole in memory, or window by window."""
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 import torch
 
 from ...common.errors import RsaDataError
 from ...store.tables import WorkDir
+from ..inputs.vectors import Vectors
 from ..predict.calibration import references
 from .controls import controlled
 from .examples import Examples, join, read_part, select
+from .plan import Plan
 from .validation_split import by_scene
-
-if TYPE_CHECKING:
-    from .training_run import Plan
 
 _GIB = 2**30
 _SEEN = 512  # features of a part kept to choose references from
@@ -29,16 +27,19 @@ class Windows:
     images, validation_images, left_out, mean_depth : arrays with a number for each dataset.
         left_out images were not ok in every table; mean_depth is in m.
     how : how validation was chosen, a text for each dataset.
-    reference : float16 (m, dim), some of the training features, raw.
+    inputs : of the validation examples: widths, and room for objects.
+    reference : float16 (m, dim), some of the training features, raw; None for a head that reads
+        more than one vector.
     typical : scale and shift to begin with: the median of the images' own positive fits, geometric
         mean over the datasets; 1 where there are none.
     """
 
-    def __init__(self, work: WorkDir, plan: "Plan"):
+    def __init__(self, work: WorkDir, plan: Plan):
         self.work, self.plan = work, plan
-        self.numbers = [plan.numbers[source.dataset] for source in plan.sources]
+        self.count = len(plan.sources)
+        self.parts = [plan.parts[source.dataset] for source in plan.sources]
         # A window, the parts that it is joined from, and the one before that is not let go of yet.
-        self.limit = plan.options["memory"] * _GIB / 3
+        self.limit = plan.machine.memory * _GIB / 3
         self._choose()
         self._scan()
 
@@ -48,7 +49,7 @@ class Windows:
             yield self.whole
             return
         parts = list(self.sizes)
-        order = np.random.default_rng((self.plan.options["seed"], epoch)).permutation(len(parts))
+        order = np.random.default_rng((self.plan.training.seed, epoch)).permutation(len(parts))
         window: list[tuple[int, int]] = []
         for part in [parts[i] for i in order]:
             if window and sum(self.sizes[p] for p in window) + self.sizes[part] > self.limit:
@@ -64,41 +65,43 @@ class Windows:
         """Decides for every row of samples whether it is held out, dataset by dataset."""
         self.held: dict[tuple[int, int], np.ndarray] = {}
         self.how: list[str] = []
-        options = self.plan.options
-        for i, source in enumerate(self.plan.sources):
+        how = self.plan.training
+        for i, (source, parts) in enumerate(zip(self.plan.sources, self.parts, strict=True)):
             samples = self.work.table(source.dataset, "samples")
             scenes = [
-                samples.read(n, ["scene"])["scene"].to_numpy().astype(object)
-                for n in self.numbers[i]
+                samples.read(n, ["scene"])["scene"].to_numpy().astype(object) for n in parts.numbers
             ]
-            held, how = by_scene(
-                source.dataset,
-                np.concatenate(scenes),
-                options["validation"],
-                options["split_scene"],
-            )
-            self.how.append(how)
-            ends = np.cumsum([len(scene) for scene in scenes])[:-1]
-            for n, rows in zip(self.numbers[i], np.split(held, ends), strict=True):
+            if parts.validation:
+                chosen = [np.full(len(s), n in parts.validation)
+                          for s, n in zip(scenes, parts.numbers, strict=True)]  # fmt: skip
+                self.how.append(f"the split {parts.split}")
+            else:
+                held, told = by_scene(
+                    source.dataset, np.concatenate(scenes), how.validation, how.split_scene
+                )
+                self.how.append(told)
+                chosen = np.split(held, np.cumsum([len(scene) for scene in scenes])[:-1])
+            for n, rows in zip(parts.numbers, chosen, strict=True):
                 self.held[i, n] = rows
 
     def _split(self, dataset: int, number: int) -> tuple[Examples, Examples]:
         """Training and validation examples of one part."""
         part = read_part(self.work, self.plan.sources[dataset], number, dataset)
-        options, count = self.plan.options, len(self.plan.sources)
-        part = controlled(part, options["control"], options["seed"], number, count)
+        control, seed = self.plan.model.control, self.plan.training.seed
+        part = controlled(part, control, seed, number, self.count)
         held = self.held[dataset, number][part.row]
         return select(part, ~held), select(part, held, variants=1)
 
     def _scan(self) -> None:
         """One pass: statistics, the validation examples, and the training ones while they fit."""
-        count = len(self.plan.sources)
+        count = self.count
         self.left_out, self.images = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self.sizes: dict[tuple[int, int], int] = {}
-        depth_sum, fits = np.zeros(count), [[] for _ in range(count)]  # type: ignore[var-annotated]
+        depth_sum = np.zeros(count)
+        fits: list[list[np.ndarray]] = [[] for _ in range(count)]
         validation: list[Examples] = []
         kept: list[Examples] = []
-        moments = Moments(self.plan.widths)
+        moments: list[Moments] = []
         seen: list[np.ndarray] = []
         for i, n in self.held:
             train, held = self._split(i, n)
@@ -111,8 +114,12 @@ class Windows:
             self.sizes[i, n] = train.nbytes
             depth_sum[i] += train.metric.mean(1, dtype=np.float64).sum()
             fits[i].append(train.fit)
-            moments.add(train.features)
-            seen.append(train.features[:: -(-len(train.features) // _SEEN)])
+            moments = moments or [Moments(block.width) for block in train.inputs]
+            for moment, block in zip(moments, train.inputs, strict=True):
+                moment.add(block.distinct())
+            if len(train.inputs) == 1 and isinstance(train.inputs[0], Vectors):
+                features = train.inputs[0].features
+                seen.append(features[:: -(-len(features) // _SEEN)])
             kept = [*kept, train] if sum(self.sizes.values()) <= self.limit else []
         self._check(validation)
         self.validation = join(validation)
@@ -120,51 +127,57 @@ class Windows:
         self.total, self.mean_depth = int(self.images.sum()), depth_sum / self.images
         self.pixels = self.validation.relative.shape[1]
         self.whole = join(kept, self.pixels) if len(kept) == len(self.sizes) else None
-        self.reference = references(seen)
+        self.reference = references(seen) if seen else None
         self.typical = _typical([np.concatenate(f) for f in fits])
-        self.dim = self.validation.features.shape[1]
-        self.mean, self.factor = moments.standard()
-        if not self.plan.options["standardize"]:
+        self.inputs = self.validation.inputs
+        pairs = [moment.standard() for moment in moments]
+        self.mean, self.factor = (torch.cat(column) for column in zip(*pairs, strict=True))
+        self.dim = len(self.mean)
+        if not self.plan.model.standardize:
             self.mean, self.factor = torch.zeros(self.dim), torch.ones(self.dim)
 
     def _check(self, validation: list[Examples]) -> None:
         for i, source in enumerate(self.plan.sources):
             if not self.images[i] or not any((e.dataset == i).any() for e in validation):
+                inputs = ", ".join(feed.captions or feed.table for feed in source.inputs)
                 raise RsaDataError(
-                    f"{source.dataset}: expected training and validation images with a caption in "
-                    f"{source.captions} and depth in {source.depth}; found {self.images[i]} for "
+                    f"{source.dataset}: expected training and validation images that are ok in "
+                    f"{inputs} and {source.depth}; found {self.images[i]} for "
                     f"training, {self.left_out[i]} left out. `rsa-data status` shows what failed"
                 )
 
 
 class Moments:
-    """Mean of each feature, and one spread for all of a table, over batches of features.
+    """Mean of each feature of an input and one spread for all of them, over batches of rows.
 
-    widths : how many features come from each table; they stand side by side.
+    width : numbers in a row of the input; those behind the ones counted stay as they are.
     """
 
-    def __init__(self, widths: Sequence[int]) -> None:
-        self.widths = widths
+    def __init__(self, width: int) -> None:
+        self.width = width
         self.count, self.sum, self.squares = 0, np.zeros(1), np.zeros(1)
 
     def add(self, features: np.ndarray) -> None:
-        """Counts features of shape (n, dim)."""
-        for rows in np.array_split(features, -(-len(features) // 4096)):
+        """Counts features of shape (n, at most width)."""
+        for rows in np.array_split(features, max(1, -(-len(features) // 4096))):
             rows = rows.astype(np.float64)
             self.count += len(rows)
             self.sum = self.sum + rows.sum(0)
             self.squares = self.squares + np.square(rows).sum(0)
 
     def standard(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """mean (dim,), and 1 / spread of each table, repeated to (dim,).
+        """Mean and 1 / spread, each float32 (width,).
 
-        One factor for all of a table keeps the angles between features, where one for each would
+        One factor for all of an input keeps the angles between features, where one for each would
         blow up those that hardly vary in a small training set.
         """
-        mean = self.sum / self.count
-        variance = np.split(self.squares / self.count - mean**2, np.cumsum(self.widths)[:-1])
-        spread = [np.full(len(v), max(float(v.mean()), 1e-12) ** 0.5) for v in variance]
-        return torch.from_numpy(mean).float(), torch.from_numpy(1 / np.concatenate(spread)).float()
+        mean, factor = np.zeros(self.width), np.ones(self.width)
+        if self.count:
+            found = self.sum / self.count
+            variance = self.squares / self.count - found**2
+            mean[: len(found)] = found
+            factor[: len(found)] = 1 / max(float(variance.mean()), 1e-12) ** 0.5
+        return torch.from_numpy(mean).float(), torch.from_numpy(factor).float()
 
 
 def _typical(fits: list[np.ndarray]) -> tuple[float, float]:

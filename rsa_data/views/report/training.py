@@ -10,18 +10,17 @@ import pyarrow.parquet as pq
 from ...common import html
 from ...common.errors import RsaDataError
 from ...common.html import Html, tag
+from ...evaluation.metrics import metrics
 from ...evaluation.paper import paper_rows
 from ...store.tables import WorkDir
 from . import plots
 from .lineage import head_description, head_names
 
-_METRICS = {
-    "delta1": "δ1 ↑ (share)",
-    "abs_rel": "AbsRel ↓",
-    "rmse": "RMSE ↓ (m)",
-    "log10": "log10 ↓",
-    "silog": "SILog ↓",
-}
+
+def _shown() -> dict[str, str]:
+    """The metrics of narrow tables: name -> heading with its unit."""
+    short = [metric for metric in metrics().values() if metric.short]
+    return {m.name: f"{m.heading} ({m.unit})" if m.unit else m.heading for m in short}
 
 
 def heads(work: WorkDir) -> Html:
@@ -124,14 +123,14 @@ def _measured(
     shown = [*map(_cells, rows), *others]
     order = list(dict.fromkeys(row[0] for row in shown))
     shown.sort(key=lambda row: order.index(row[0]))
-    header = ["dataset", "method", "images", *_METRICS.values()]
+    header = ["dataset", "method", "images", *_shown().values()]
     notes = [tag("p", line, class_="note") for line in said]
     return [tag("div", html.table(header, shown, title), notes)]
 
 
 def _cells(row: dict[str, str]) -> list[str]:
     cells = [row["dataset"], row["method"], row["images"]]
-    for metric in _METRICS:
+    for metric in _shown():
         cell = f"{float(row[metric]):.3f}" if row.get(metric) else "-"
         if metric == "abs_rel" and row.get("abs_rel_low"):
             cell += f" [{float(row['abs_rel_low']):.3f}, {float(row['abs_rel_high']):.3f}]"
@@ -160,6 +159,6 @@ def _paper(
         )  # fmt: skip
         said += notes
         for row in theirs:
-            cells = [f"{row.mean[m]:.3f}" if m in row.mean else "-" for m in _METRICS]
+            cells = [f"{row.mean[m]:.3f}" if m in row.mean else "-" for m in _shown()]
             found.append([row.dataset, row.method, row.images, *cells])
     return found, said

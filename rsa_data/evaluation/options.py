@@ -1,0 +1,24 @@
+"""Options that evaluate, robustness and compare share."""
+
+from dataclasses import dataclass
+
+from ..common.errors import unknown
+from .protocols import PROTOCOLS
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """How it is measured.
+
+    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
+    split : what to measure on; its depth must be stored as whole maps.
+    draws : resamplings of scenes for the confidence intervals; 0 for none.
+    """
+
+    protocol: str = "rsa"
+    split: str = "test"
+    draws: int = 1000
+
+    def __post_init__(self) -> None:
+        if self.protocol not in PROTOCOLS:
+            raise unknown("protocol", self.protocol, PROTOCOLS)

@@ -1,0 +1,59 @@
+"""Whether the heads of a work dir are whole: what `rsa-data verify` asks of this room."""
+
+import hashlib
+
+import msgspec
+
+from ..common.errors import RsaDataError
+from ..store.tables import WorkDir, fingerprint
+from .checkpoint import ScaleHead
+from .description import Description
+from .train.plan import Described
+
+
+def check(work: WorkDir) -> list[str]:
+    """What is wrong with the heads, a line each; nothing when all is well.
+
+    Each head is loaded, which compares its weights with the sha256, names, shapes and dtypes in
+    head.json; its history is compared with its sha256, and the training it came from with the
+    description of its folder.
+    """
+    names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
+    return [line for name in names for line in _wrong(work, name)]
+
+
+def _wrong(work: WorkDir, name: str) -> list[str]:
+    place = f"{work.store.location}/heads/{name}"
+    files = work.store.list(f"heads/{name}")
+    if "head.json" not in files:
+        if "head.safetensors" in files and "checkpoint.safetensors" not in files:
+            return [f"{place}: expected head.json beside head.safetensors; found none. Train again"]
+        return []  # not finished yet
+    try:
+        about = ScaleHead.load(place).about
+        return _history(work, name, about) + _training(work, name, about)
+    except RsaDataError as error:
+        return [str(error)]
+
+
+def _history(work: WorkDir, name: str, about: Description) -> list[str]:
+    if not about.history:
+        return []  # version 0.1, or imported
+    path = f"heads/{name}/history.parquet"
+    data = work.store.read(path)
+    if data is None:
+        return [f"{path}: expected the history of the training; found none"]
+    found = hashlib.sha256(data).hexdigest()
+    return [] if found == about.history else [f"{path}: damaged: its sha256 is not head.json's"]
+
+
+def _training(work: WorkDir, name: str, about: Description) -> list[str]:
+    table = work.table("heads", name)
+    if not about.training:
+        return []
+    if not table.exists():
+        return [f"{table}: expected the description of its training; found none"]
+    described = table.described(Described)
+    if fingerprint(msgspec.to_builtins(described)) == about.training:
+        return []
+    return [f"{table}: head.json is of another training than the description beside it"]

@@ -1,0 +1,6 @@
+"""The input `image`: the feature of the image itself."""
+
+from .kinds import Kind
+from .vectors import of_images
+
+IMAGE = Kind(of_images, "images", made_by="rsa-data embed-images", vector=True)

@@ -1,0 +1,6 @@
+"""The input `text`: the feature of a caption, one of an image's variants at a time."""
+
+from .kinds import Kind
+from .vectors import of_captions
+
+TEXT = Kind(of_captions, made_by="rsa-data embed", vector=True)

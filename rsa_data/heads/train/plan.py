@@ -1,0 +1,185 @@
+"""What is to be trained, and how: the options of train-head in groups, and the plan they make."""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import msgspec
+
+from ..belong import Source, Tables
+from ..description import DepthModel, Features
+
+# Options that never change what comes out.
+_LOCAL = ("memory", "checkpoint_every")
+
+
+@dataclass(frozen=True)
+class Model:
+    """Which network, and what it may see.
+
+    head : architecture; see `rsa-data list heads`.
+    control : train a control instead: each image with the captions of another image of its dataset
+        (shuffled), or with no more than its dataset's name (dataset).
+    initial : begin with outputs at the datasets' typical scale and shift, or with random ones as
+        the released code.
+    standardize : centre the features and divide them by one number, their spread over the training
+        set; part of the head. Without it the raw features go in, as in the released code.
+    """
+
+    head: str = "mlp5"
+    control: Literal["none", "shuffled", "dataset"] = "none"
+    initial: Literal["typical", "random"] = "typical"
+    standardize: bool = True
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is minimised.
+
+    loss : what is minimised at the sampled pixels: l1, huber, log-l1 or silog.
+    supervision : learn from depth, from each image's own least-squares fit, or from both. Of a fit
+        only what is positive counts, as a head's scale and shift are.
+    units : relative divides the errors of l1 and huber by the dataset's mean depth, so that
+        streets do not outweigh rooms; metres leaves them as they are.
+    balance : datasets lets each dataset weigh the same, images each image.
+    log_loss : datasets whose loss in a batch enters as its logarithm, so that its size does not
+        matter. The released code does so, for NYUv2 and VOID but not for KITTI, by a slip.
+    """
+
+    loss: str = "l1"
+    supervision: Literal["depth", "fit", "both"] = "depth"
+    units: Literal["relative", "metres"] = "relative"
+    balance: Literal["datasets", "images"] = "datasets"
+    log_loss: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Training:
+    """How it is optimised, and by what the best epoch is chosen.
+
+    optimizer : Adam, or AdamW.
+    schedule : how the learning rate falls from lr to end-lr, cosine or polynomial (power 0.9).
+    lr : learning rate at its highest.
+    end_lr : learning rate at the end.
+    warmup : epochs over which the learning rate rises from nothing.
+    weight_decay : of the optimiser.
+    clip : norm that gradients are clipped to; 0 for none.
+    epochs : times that every image is seen, each time with a variant of its caption drawn again.
+    batch : images in a step; by default a sixteenth of all, but 16 to 256.
+    pixels : pixels of each image in a step, of those that the depth table holds.
+    validation : share of the training images held out to choose the best epoch, whole scenes;
+        where a dataset has a validation split, that split is taken instead.
+    split_scene : where a dataset has one scene only, hold out its last frames instead of refusing.
+    patience : stop after so many epochs without a better validation error; 0 runs them all.
+    precision : of the matrix products; auto takes bfloat16 where the processor has it in hardware,
+        which is about twice as fast and ends at the same error.
+    seed : of the first weights and of everything that is drawn.
+    """
+
+    optimizer: Literal["adam", "adamw"] = "adam"
+    schedule: Literal["cosine", "polynomial"] = "cosine"
+    lr: float = 1e-3
+    end_lr: float = 3e-5
+    warmup: float = 1.0
+    weight_decay: float = 0.0
+    clip: float = 1.0
+    epochs: int = 50
+    batch: int | None = None
+    pixels: int = 256
+    validation: float = 0.1
+    split_scene: bool = False
+    patience: int = 0
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    seed: int = 0
+
+    def learning_rate(self, epoch: float) -> float:
+        """The rate after so many epochs, a fraction included: warm-up, then its schedule."""
+        done = epoch / self.epochs
+        if self.schedule == "cosine":
+            left = 0.5 * (1 + math.cos(math.pi * done))
+        else:  # power 0.9, as in the released code
+            left = (1 - done) ** 0.9
+        rate = self.end_lr + (self.lr - self.end_lr) * left
+        return rate * min(1.0, (epoch + 1e-2) / self.warmup) if self.warmup else rate
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a training may take of the machine.
+
+    memory : GiB of examples held at once; larger tables are read in windows of parts every epoch.
+    checkpoint_every : seconds of work that a kill may lose; at the end of an epoch the state is
+        written when the last time is that long ago.
+    threads : CPU threads; they can change the last bits of the weights.
+    """
+
+    memory: float = 4.0
+    checkpoint_every: float = 20.0
+    threads: int = 2
+
+
+class Described(msgspec.Struct, kw_only=True, frozen=True):
+    """What another training must share to be the same one: the description of a head's folder.
+
+    options : of train-head. inputs : digest of the parts trained on, by dataset and table.
+    """
+
+    stage: str = "train-head"
+    schema: str = "history"
+    version: int = 2
+    options: dict[str, Any]
+    inputs: dict[str, dict[str, str]]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a dataset that a training reads.
+
+    train, validation : part numbers; without the latter, scenes of the former are held out.
+    split : name of the validation split, or nothing.
+    """
+
+    train: list[int]
+    validation: list[int]
+    split: str = ""
+
+    @property
+    def numbers(self) -> list[int]:
+        """All of them, ascending."""
+        return sorted([*self.train, *self.validation])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that decides the head, checked: see `train_head`.
+
+    parts, limits, digests : by dataset: parts to read; (min, max) depth, m; digest of those parts
+        of each table.
+    """
+
+    name: str
+    sources: list[Source]
+    parts: dict[str, Parts]
+    limits: dict[str, tuple[float, float]]
+    digests: dict[str, dict[str, str]]
+    features: Features
+    depth_model: DepthModel
+    tables: Tables
+    model: Model
+    goal: Goal
+    training: Training
+    machine: Machine
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of train-head that can change the head."""
+        groups = (self.tables, self.model, self.goal, self.training, self.machine)
+        found = {k: v for group in groups for k, v in dataclasses.asdict(group).items()}
+        lists = {k: list(v) for k, v in found.items() if isinstance(v, tuple)}
+        return {k: v for k, v in {**found, **lists}.items() if k not in _LOCAL}
+
+    @property
+    def described(self) -> Described:
+        """What another run must share to be the same run."""
+        return Described(options=self.options, inputs=self.digests)
