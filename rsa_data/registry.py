@@ -143,6 +143,12 @@ HEADS = Entries(
         "linear": "rsa_data.heads.architectures.linear:Linear",
         "fusion": "rsa_data.heads.architectures.fusion:Fusion",
         "proposals": "rsa_data.heads.architectures.proposals:Proposals",
+        "objects": "rsa_data.heads.architectures.objects:Objects",
+        "objects-without-places": "rsa_data.heads.architectures.objects:ObjectsWithoutPlaces",
+        "object-names": "rsa_data.heads.architectures.objects:ObjectNames",
+        "text-objects": "rsa_data.heads.architectures.objects:TextAndObjects",
+        "image-objects": "rsa_data.heads.architectures.objects:ImageAndObjects",
+        "text-image-objects": "rsa_data.heads.architectures.objects:TextImageAndObjects",
     },
 )
 
@@ -152,6 +158,7 @@ STAGES = {
     "captions": "rsa_data.captions.write:STAGE",
     "embed": "rsa_data.embeddings.embed:STAGE",
     "embed-images": "rsa_data.embeddings.embed_images:STAGE",
+    "embed-objects": "rsa_data.embeddings.objects:STAGE",
     "embed-proposals": "rsa_data.embeddings.proposals:STAGE",
     "depth": "rsa_data.depth.measure:STAGE",
 }
@@ -188,33 +195,42 @@ COLLECTIONS = {
     "heads": "rsa_data.heads.collection:HEADS",
 }
 
-
 # What a head can read of an image; a head's class names the kinds that it reads.
-INPUTS = {
-    "text": "rsa_data.heads.inputs.text:TEXT",
-    "image": "rsa_data.heads.inputs.image:IMAGE",
-    "proposals": "rsa_data.heads.inputs.proposals:PROPOSALS",
-}
+INPUTS = Entries(
+    "inputs",
+    {
+        "text": "rsa_data.heads.inputs.text:TEXT",
+        "image": "rsa_data.heads.inputs.image:IMAGE",
+        "proposals": "rsa_data.heads.inputs.proposals:PROPOSALS",
+        "objects": "rsa_data.heads.inputs.objects:OBJECTS",
+    },
+)
 
-LOSSES = {
-    "l1": "rsa_data.heads.train.losses:L1",
-    "huber": "rsa_data.heads.train.losses:HUBER",
-    "log-l1": "rsa_data.heads.train.losses:LOG_L1",
-    "silog": "rsa_data.heads.train.losses:SILOG",
-}
+LOSSES = Entries(
+    "losses",
+    {
+        "l1": "rsa_data.heads.train.losses:L1",
+        "huber": "rsa_data.heads.train.losses:HUBER",
+        "log-l1": "rsa_data.heads.train.losses:LOG_L1",
+        "silog": "rsa_data.heads.train.losses:SILOG",
+    },
+)
 
 # In the order that tables print them.
-METRICS = {
-    "delta1": "rsa_data.evaluation.metrics:DELTA1",
-    "delta2": "rsa_data.evaluation.metrics:DELTA2",
-    "delta3": "rsa_data.evaluation.metrics:DELTA3",
-    "abs_rel": "rsa_data.evaluation.metrics:ABS_REL",
-    "sq_rel": "rsa_data.evaluation.metrics:SQ_REL",
-    "rmse": "rsa_data.evaluation.metrics:RMSE",
-    "rmse_log": "rsa_data.evaluation.metrics:RMSE_LOG",
-    "log10": "rsa_data.evaluation.metrics:LOG10",
-    "silog": "rsa_data.evaluation.metrics:SILOG",
-}
+METRICS = Entries(
+    "metrics",
+    {
+        "delta1": "rsa_data.evaluation.metrics:DELTA1",
+        "delta2": "rsa_data.evaluation.metrics:DELTA2",
+        "delta3": "rsa_data.evaluation.metrics:DELTA3",
+        "abs_rel": "rsa_data.evaluation.metrics:ABS_REL",
+        "sq_rel": "rsa_data.evaluation.metrics:SQ_REL",
+        "rmse": "rsa_data.evaluation.metrics:RMSE",
+        "rmse_log": "rsa_data.evaluation.metrics:RMSE_LOG",
+        "log10": "rsa_data.evaluation.metrics:LOG10",
+        "silog": "rsa_data.evaluation.metrics:SILOG",
+    },
+)
 
 # What other rooms reach through the registry, as they may not import it.
 HEAD_FILES = {"scale-head": "rsa_data.heads.checkpoint:ScaleHead"}

@@ -54,6 +54,13 @@ class Contender:
 CONTENDERS = (
     Contender("image ({image})", ("image",)),
     Contender("text and image ({image})", ("text", "image"), "fusion"),
+    Contender("objects", ("objects",), "objects"),
+    Contender("objects without places", ("objects",), "objects-without-places"),
+    Contender("objects, names only", ("objects",), "object-names"),
+    Contender("text and objects", ("text", "objects"), "text-objects"),
+    Contender("image ({image}) and objects", ("image", "objects"), "image-objects"),
+    Contender("text, image ({image}) and objects", ("text", "image", "objects"),
+              "text-image-objects"),
     Contender("detector features ({proposals})", ("proposals",), "proposals"),
 )
 

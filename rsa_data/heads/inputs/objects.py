@@ -1,0 +1,129 @@
+"""The input `objects`: what stands in an image, any number of things, none included."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pyarrow.compute as pc
+
+from ...store.tables import WorkDir
+from .kinds import Feed, Kind, find, ranges
+
+# What stands behind the feature of an object's name: logarithm of its share of the image, the
+# share, whether they are known; x and y of its centre from the middle of the image in shares of
+# width and height, whether they are known; whether it is a countable thing; and 1, as an object.
+NUMBERS = ("log share", "share", "share known", "x", "y", "place known", "thing", "there")
+_SMALLEST = 1e-4  # share of the image: what is smaller counts as this large
+
+
+@dataclass(frozen=True)
+class Objects:
+    """Objects of n images.
+
+    names : float32 (v, d), the feature of each distinct name. name : int64 (o,), which of them
+    each object has: those of image 0, then of image 1 ... numbers : float32 (o, 8), see NUMBERS.
+    first : int64 (n + 1,), where each image's objects begin, and their end.
+    there : bool (n,), images whose objects are known, be it that there are none.
+    """
+
+    names: np.ndarray
+    name: np.ndarray
+    numbers: np.ndarray
+    first: np.ndarray
+    there: np.ndarray
+    objects: int = 1
+
+    @property
+    def width(self) -> int:
+        return self.names.shape[1] + len(NUMBERS)
+
+    @property
+    def nbytes(self) -> int:
+        arrays = (self.names, self.name, self.numbers, self.first, self.there)
+        return sum(array.nbytes for array in arrays)
+
+    def take(self, images: np.ndarray, variants: int | None = None) -> Self:
+        counts = np.diff(self.first)[images]
+        rows = ranges(self.first[images], counts)
+        used, name = np.unique(self.name[rows], return_inverse=True)
+        first = np.concatenate([[0], np.cumsum(counts)])
+        return type(self)(self.names[used], name, self.numbers[rows], first, self.there[images])
+
+    def joined(self, others: Sequence[Self]) -> Self:
+        several = [self, *others]
+        names = np.cumsum([0] + [len(o.names) for o in several])
+        starts = np.cumsum([0] + [len(o.name) for o in several])
+        first = [o.first[:-1] + n for o, n in zip(several, starts, strict=False)]
+        return type(self)(
+            np.concatenate([o.names for o in several]),
+            np.concatenate([o.name + n for o, n in zip(several, names, strict=False)]),
+            np.concatenate([o.numbers for o in several]),
+            np.concatenate([*first, starts[-1:]]),
+            np.concatenate([o.there for o in several]),
+        )
+
+    def rows(self, images: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+        """Objects side by side, float32 (b, m * width), 0 where an image has fewer than m."""
+        counts = np.diff(self.first)[images]
+        found = ranges(self.first[images], counts)
+        most = int(counts.max(initial=0))
+        rows = np.zeros((len(images), most, self.width), np.float32)
+        place = ranges(np.zeros(len(counts), np.int64), counts)
+        image = np.repeat(np.arange(len(images)), counts)
+        rows[image, place, : -len(NUMBERS)] = self.names[self.name[found]]
+        rows[image, place, -len(NUMBERS) :] = self.numbers[found]
+        return rows.reshape(len(images), -1)
+
+    def distinct(self) -> np.ndarray:
+        return self.names
+
+
+def numbers(
+    share: np.ndarray | None, center: np.ndarray | None, is_thing: np.ndarray
+) -> np.ndarray:
+    """What a head reads of objects beside their names, float32 (o, 8), see NUMBERS.
+
+    share : (o,), 0 to 1, or None where it is not known. center : (o, 2), x and y in shares of width
+    and height, nan or None where it is not known. is_thing : bool (o,).
+    """
+    found = np.zeros((len(is_thing), len(NUMBERS)), np.float32)
+    if share is not None:
+        found[:, 0] = np.log(np.maximum(share, _SMALLEST))
+        found[:, 1], found[:, 2] = share, 1
+    if center is not None:
+        known = np.isfinite(center).all(1)
+        found[known, 3:5] = center[known] - 0.5
+        found[known, 5] = 1
+    found[:, 6], found[:, 7] = is_thing, 1
+    return found
+
+
+def read(work: WorkDir, dataset: str, feed: Feed, number: int, variant: int | None) -> Objects:
+    """The objects of each image of a part; variants of captions make no difference."""
+    ids = work.table(dataset, "samples").read(number, ["sample_id"])["sample_id"]
+    table = work.table(dataset, feed.table).read(number)
+    new = table["new_name"].combine_chunks().flatten()
+    features = b"".join(table["new_feature"].combine_chunks().flatten().to_pylist())
+    names = np.frombuffer(features, "<f4").reshape(len(new), -1 if len(new) else 0)
+
+    order = find(ids, table["sample_id"])
+    table = table.take(np.maximum(order, 0))
+    ok = np.asarray(pc.equal(table["status"], "ok")) & (order >= 0)
+    column = table["name"].combine_chunks()
+    counts = np.asarray(pc.list_value_length(column)).astype(np.int64)
+    center = table["center"].combine_chunks()
+    places = np.full((int(counts.sum()), 2), np.nan)
+    known = np.repeat(np.asarray(center.is_valid()), counts)
+    places[known] = np.asarray(center.flatten().flatten()).reshape(-1, 2)
+    things = np.asarray(table["is_thing"].combine_chunks().flatten()).astype(bool)
+    return Objects(
+        names,
+        find(column.flatten(), new),
+        numbers(np.asarray(table["share"].combine_chunks().flatten()), places, things),
+        np.concatenate([[0], np.cumsum(counts)]),
+        ok,
+    )
+
+
+OBJECTS = Kind(read, "objects", made_by="rsa-data embed-objects")
