@@ -1,4 +1,4 @@
-"""The stage embed-objects: the objects of each image, and each class name through an encoder once."""
+"""The stage embed-objects: objects of each image, and each class name encoded once."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..captions.words import clean
+from ..common.class_names import clean
 from ..store import schemas
 from . import embed
 

@@ -64,10 +64,10 @@ def compare(
     bar: Callable[[str, int], Any] | None = None,
     *,
     name: str = "comparison",
-    tables: Tables,
-    contest: Contest,
-    recipe: Recipe,
-    measuring: Measuring,
+    tables: Tables = Tables(),
+    contest: Contest = Contest(),
+    recipe: Recipe = Recipe(),
+    measuring: Measuring = Measuring(),
 ) -> Evaluation:
     """Trains heads on each kind of input and measures them all on the same images.
 

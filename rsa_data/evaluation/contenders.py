@@ -59,8 +59,9 @@ CONTENDERS = (
     Contender("objects, names only", ("objects",), "object-names"),
     Contender("text and objects", ("text", "objects"), "text-objects"),
     Contender("image ({image}) and objects", ("image", "objects"), "image-objects"),
-    Contender("text, image ({image}) and objects", ("text", "image", "objects"),
-              "text-image-objects"),
+    Contender(
+        "text, image ({image}) and objects", ("text", "image", "objects"), "text-image-objects"
+    ),
     Contender("detector features ({proposals})", ("proposals",), "proposals"),
 )
 

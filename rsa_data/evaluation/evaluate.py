@@ -53,7 +53,7 @@ def evaluate(
     style: str | None = None,
     depth_model: str | None = None,
     compare: str | None = None,
-    measuring: Measuring,
+    measuring: Measuring = Measuring(),
 ) -> Evaluation:
     """Measures a head on whole maps of the test splits, beside oracles and constants.
 

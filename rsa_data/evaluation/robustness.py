@@ -57,7 +57,7 @@ def robustness(
     datasets: tuple[str, ...] = (),
     encoder_weights: Path | None = None,
     seed: int = 0,
-    measuring: Measuring,
+    measuring: Measuring = Measuring(),
 ) -> Evaluation:
     """Measures a head on the same images with descriptions that are wrong or poor.
 

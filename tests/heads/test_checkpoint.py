@@ -15,6 +15,7 @@ from rsa_data.registry import HEADS
 from rsa_data.store.tables import WorkDir
 
 OWN = {"fusion": {"text_dim": 24}, "proposals": {"feature_dim": 7}}
+OWN |= {name: {"object_dim": 32} for name in HEADS if "object" in name}
 
 
 def head_of(dim: int = 8, name: str = "linear", mean: float = 0.0, factor: float = 1.0):

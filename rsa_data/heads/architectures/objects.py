@@ -19,7 +19,7 @@ from .sets import ObjectSet
 class Objects(Head):
     """Class names, shares and places of the objects, in no order: no sentence, no token limit."""
 
-    reads = ("objects",)
+    reads: ClassVar[tuple[str, ...]] = ("objects",)
     places: ClassVar[bool] = True
     shares: ClassVar[bool] = True
 

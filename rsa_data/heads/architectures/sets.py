@@ -60,7 +60,7 @@ class ObjectSet(nn.Module):
         return torch.cat([mean, by_area], 1)
 
     def _read(self, objects: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Features of the names (n, m, d - 8) and numbers (n, m, 8), less what is not to be seen."""
+        """Features of the names (n, m, d - 8) and numbers (n, m, 8), as far as they are read."""
         n, m, _ = objects.shape
         features, numbers = objects[..., :-_NUMBERS], objects[..., -_NUMBERS:].clone()
         if not self.shares:

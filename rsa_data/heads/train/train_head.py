@@ -22,12 +22,12 @@ def train_head(
     work: WorkDir,
     bar: Callable[[str, int], Any] | None = None,
     *,
-    tables: Tables,
-    model: Model,
+    tables: Tables = Tables(),
+    model: Model = Model(),
     name: str = "head",
-    goal: Goal,
-    training: Training,
-    machine: Machine,
+    goal: Goal = Goal(),
+    training: Training = Training(),
+    machine: Machine = Machine(),
     start_over: bool = False,
 ) -> Trained:
     """Trains a head on the tables of a work dir and writes it to WORK/heads/NAME.
