@@ -20,6 +20,7 @@ STAGE_HELP = {
     "captions": "Write captions of what each image shows.",
     "embed": "Turn captions into text embeddings.",
     "embed-images": "Turn images into embeddings.",
+    "embed-objects": "List the objects of each image for heads that read them.",
     "embed-proposals": "Gather the detector's features of each image's objects.",
     "depth": "Run a relative-depth model, or read its files.",
 }

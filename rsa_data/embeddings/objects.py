@@ -9,23 +9,23 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.class_names import clean
+from ..runner.stage import Reads, Stage
 from ..store import schemas
 from . import embed
 
 Step = Callable[[pa.Table, pa.Table], pa.Table]
 
 
-def build(*, encoder: str = "clip-rn50", weights: Path | None = None, threads: int = 2) -> Step:
+def build(*, encoder: str = "clip-rn50", encoder_weights: Path | None = None) -> Step:
     """Lists the objects of each image for the head `objects`, which reads no sentence.
 
     Parameters
     ----------
     encoder : text encoder of the class names; see `rsa-data list encoders`.
-    weights : file with the encoder's weights, or folder of a sentence encoder. Without it the
-        registry's file is taken: from its package, the cache, or a download with its checksum.
-    threads : CPU threads of each worker.
+    encoder_weights : file with the encoder's weights, or folder of a sentence encoder. Without it
+        the registry's file is taken: from its package, the cache, or a download with its checksum.
     """
-    features = embed.loaded(encoder=encoder, weights=weights)
+    features = embed.loaded(encoder=encoder, encoder_weights=encoder_weights)
 
     @cache
     def feature(name: str) -> bytes:
@@ -72,3 +72,25 @@ def _centers(row: dict[str, Any]) -> list[list[float]] | None:
     if row["center"] is None or not row["width"] or not row["height"]:
         return None
     return [[x / row["width"], y / row["height"]] for x, y in row["center"]]
+
+
+STAGE = Stage(
+    name="embed-objects",
+    version=1,
+    build=build,
+    help="""List the objects of each image for heads that read them.
+
+    Covers every dataset of the work dir unless --dataset is given. Each class name is encoded once:
+    seconds, where captions take up to an hour.
+
+    \b
+      rsa-data embed-objects --encoder minilm
+    """,
+    next="depth --dataset NAME --depth-model MODEL, then: rsa-data train-head --head objects",
+    schema="objects",
+    folder="embeddings/objects",
+    selector="encoder",
+    reads=Reads("segments", "segments"),
+    local=("encoder_weights",),
+    files=embed.files,
+)

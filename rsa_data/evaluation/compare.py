@@ -9,9 +9,9 @@ import pyarrow as pa
 
 from ..heads.belong import Tables
 from ..store.tables import WorkDir
-from . import breakdown, formats, output, plots
+from . import breakdown, formats, output, paired, plots
 from .constants import fit_constants
-from .contenders import Entry, has_training, inputs_of, methods_of, plans, train
+from .contenders import Entry, inputs_of, methods_of, plans, train, training_images
 from .evaluate import Evaluation, notes
 from .methods import by_constant, oracle_methods
 from .metrics import metrics
@@ -21,6 +21,9 @@ from .rows import measure
 from .setting import parts_of, rules_of, with_split
 from .spread import calibration, inflation, rank_correlation, spread
 from .summary import summarise
+
+# Training images up to which every head is trained with several seeds.
+_FEW = 5000
 
 
 @dataclass(frozen=True)
@@ -32,13 +35,14 @@ class Contest:
     subsets : further sets of datasets to train text on, such as nyuv2+kitti beside all three.
     zero_shot : datasets to measure on and never train on; those without a training split always
         are.
-    seeds : heads trained for each input; their errors are averaged, their spread is reported.
+    seeds : heads trained for each input; their errors are averaged, their spread is reported. By
+        default 3 up to 5,000 training images, where a training takes seconds, and 1 beyond.
     """
 
     inputs: tuple[str, ...] = ()
     subsets: tuple[str, ...] = ()
     zero_shot: tuple[str, ...] = ()
-    seeds: int = 1
+    seeds: int | None = None
 
 
 @dataclass(frozen=True)
@@ -85,13 +89,14 @@ def compare(
     """
     protocol, split = measuring.protocol, measuring.split
     names = with_split(work, tables.datasets, split)
-    learn = [d for d in names if d not in contest.zero_shot and has_training(work, d)]
+    learn = [d for d in names if d not in contest.zero_shot and training_images(work, [d])]
     shared = inputs_of(work, names, tables.style, tables.encoder)
     kinds = plans(learn, shared, contest.inputs, contest.subsets)
     common = {"depth_model": tables.depth_model, **asdict(recipe)}
+    seeds = contest.seeds or (3 if training_images(work, learn) <= _FEW else 1)
     entries = [
         train(work, bar, name, plan, {**common, "seed": seed}, names)
-        for seed in range(contest.seeds)
+        for seed in range(seeds)
         for plan in kinds
     ]
     now = output.heads_now(work, [entry.name for entry in entries])
@@ -113,12 +118,16 @@ def compare(
     merged, over_seeds = merge_seeds(table)
     rows = summarise(merged, measuring.draws)
     said = [
-        f"Comparison {name}: protocol {protocol}, {split} split, {contest.seeds} seeds, "
+        f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, "
         f"{recipe.epochs} epochs; mean over images [95% interval by scene].",
         *over_seeds,
         *notes(text.head.about, rows, protocol)[1:],
     ]
     extra = _hard(work, text, names, merged, split)
+    apart = paired.differences(merged.to_pandas(), "text", measuring.draws)
+    if apart:
+        told = "AbsRel of each row less that of text, on the same images [95% interval by scene]:"
+        extra = ["\n".join([told, *(row.line for row in apart)]), *extra]
     bars, lines = _error_bars(work, text, names, ranges, split)
     folder = f"comparisons/{name}"
     texts = {
@@ -126,6 +135,7 @@ def compare(
         "summary.md": formats.markdown(rows) + "\n" + "\n\n".join(extra + lines) + "\n",
         "summary.tex": formats.latex(rows),
         "summary.csv": formats.to_csv(rows),
+        "paired.csv": paired.to_csv(apart),
         "abs_rel.svg": plots.intervals(rows, "abs_rel", "AbsRel, with 95% intervals by scene"),
     }
     if bars:

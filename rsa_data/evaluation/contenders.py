@@ -107,11 +107,15 @@ def inputs_of(
     return {**found, "text": texts}
 
 
-def has_training(work: WorkDir, dataset: str) -> bool:
-    """Whether a dataset has images that may be trained on."""
-    role = index.load_dataset(work, dataset).role
-    samples = work.table(dataset, "samples")
-    return any(role(samples.receipt(n).split) == "train" for n in samples.parts())
+def training_images(work: WorkDir, datasets: Sequence[str]) -> int:
+    """How many images of these datasets may be trained on."""
+    count = 0
+    for dataset in datasets:
+        role = index.load_dataset(work, dataset).role
+        samples = work.table(dataset, "samples")
+        receipts = [samples.receipt(number) for number in samples.parts()]
+        count += sum(receipt.rows for receipt in receipts if role(receipt.split) == "train")
+    return count
 
 
 def plans(

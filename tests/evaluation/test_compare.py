@@ -57,6 +57,7 @@ def test_hard_images_error_bars_and_files(work, found):
         "_evaluation.json",
         "abs_rel.svg",
         "calibration.svg",
+        "paired.csv",
         "metrics.parquet",
         *(f"summary.{ending}" for ending in ("csv", "md", "tex", "txt")),
     }

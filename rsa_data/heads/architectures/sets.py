@@ -49,13 +49,14 @@ class ObjectSet(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """x (n, m * object_dim) -> (n, 2 * width)."""
         features, numbers = self._read(x.reshape(len(x), -1, self.object_dim))
-        there = numbers[..., _THERE:]  # (n, m, 1)
+        there = (numbers[..., _THERE:] > 0.5).to(x.dtype)  # (n, m, 1)
         spread = torch.tensor(_SPREAD, device=x.device)
         seen = torch.cat([self.name_net(features), numbers[..., :_THERE] * spread], 2)
         each = nn.functional.leaky_relu(self.object_net(seen)) * there  # (n, m, width)
         mean = each.sum(1) / there.sum(1).clamp_min(1)  # (n, width)
         # Where shares are not known all objects weigh the same.
-        weight = torch.where(numbers[..., 2:3] > 0, numbers[..., 1:2], there)  # (n, m, 1)
+        known = numbers[..., 2:3] > 0.5  # (n, m, 1)
+        weight = torch.where(known, numbers[..., 1:2].clamp_min(0), 1.0) * there  # (n, m, 1)
         by_area = (each * weight).sum(1) / weight.sum(1).clamp_min(1e-6)  # (n, width)
         return torch.cat([mean, by_area], 1)
 
