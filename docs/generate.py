@@ -19,7 +19,7 @@ from rsa_data.store import schemas
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
-_ORDER = ("samples", "segments", "captions", "embeddings", "depth", "history", "metrics")
+_ORDER = ["samples", "segments", "captions", "embeddings", "objects", "depth", "history", "metrics"]
 
 _FORMATS = """\
 # File formats

@@ -10,6 +10,7 @@ from .. import registry
 from ..common.errors import RsaDataError, unknown
 from ..datasets import index
 from ..heads.belong import Source, Tables
+from ..heads.sources import sources as find_sources
 from ..store.tables import WorkDir
 from .inputs import TestPart
 from .protocols import Rules, rules
@@ -62,7 +63,7 @@ def tables_of(work: WorkDir, about: "Description", wanted: Tables) -> dict[str, 
         encoder=features.encoder,
         depth_model=depth.model or wanted.depth_model,
     )
-    sources = belong.sources(work, tables, about.name, reads)
+    sources = find_sources(work, tables, about.name, reads)
     for source in sources:
         own = work.table(source.dataset, source.depth)
         first = source.inputs[0]

@@ -14,6 +14,7 @@ from ...store.tables import WorkDir
 from .. import belong
 from ..belong import Source, Tables
 from ..description import DepthModel
+from ..sources import sources as find_sources
 from .plan import Goal, Machine, Model, Parts, Plan, Training
 from .trained import Trained
 
@@ -58,7 +59,7 @@ def train_head(
         )
     model = replace(model, standardize=model.standardize and head.standardize)
 
-    sources = belong.sources(work, tables, model.head, head.reads)
+    sources = find_sources(work, tables, model.head, head.reads)
     found = {
         "/".join([s.dataset, *(feed.table for feed in s.inputs)]): belong.features_of(work, s)
         for s in sources
