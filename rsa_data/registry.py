@@ -160,7 +160,6 @@ STAGES = {
     "embed-images": "rsa_data.embeddings.embed_images:STAGE",
     "embed-objects": "rsa_data.embeddings.objects:STAGE",
     "embed-proposals": "rsa_data.embeddings.proposals:STAGE",
-    "embed-objects": "rsa_data.embeddings.objects:STAGE",
     "depth": "rsa_data.depth.measure:STAGE",
 }
 
