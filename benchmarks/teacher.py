@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from rsa_data import ScaleHead, to_metric
+from rsa_data.common.options import call
 from rsa_data.heads.predict.known_depth import refine
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
@@ -121,7 +122,8 @@ def main() -> None:
         write_tables(work, e)
         for control in ("none", "shuffled"):
             begun, used = time.perf_counter(), time.process_time()
-            trained = train_head(
+            trained = call(
+                train_head,
                 work,
                 name=control,
                 control=control,

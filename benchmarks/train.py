@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from rsa_data.common.options import call
 from rsa_data.heads.architectures.layers import mlp, positive
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
@@ -72,7 +73,8 @@ def ours(
     work: WorkDir, epochs: int, precision: str, name: str, threads: int
 ) -> tuple[float, float]:
     """Images a second, and AbsRel on the validation images."""
-    trained = train_head(
+    trained = call(
+        train_head,
         work,
         Clock,
         name=name,

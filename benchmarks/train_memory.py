@@ -24,7 +24,8 @@ CHILD = """
 import re, sys, threading, time
 from pathlib import Path
 import torch
-from rsa_data.heads import run, training
+from rsa_data.heads.train.train_head import train_head
+from rsa_data.common.options import call
 from rsa_data.store.tables import WorkDir
 
 def now():
@@ -40,8 +41,8 @@ def watch():
 before = peak = now()
 begun = time.perf_counter()
 threading.Thread(target=watch, daemon=True).start()
-training.train_head(WorkDir(sys.argv[1]), name=sys.argv[2], memory=float(sys.argv[3]), epochs=1,
-                    head="linear", threads=1)
+call(train_head, WorkDir(sys.argv[1]), name=sys.argv[2], memory=float(sys.argv[3]), epochs=1,
+     head="linear", threads=1)
 print(f"{peak - before:.3f} {time.perf_counter() - begun:.1f}")
 """
 
