@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from nicegui import events, run, ui
+from nicegui import app, events, run, ui
 
-from ...common.errors import RsaDataError
+from ...common.errors import RsaDataError, UsageError
 from ...heads.predict.prediction import Prediction
 from ..depth_files.maps import top_of
 from ..pictures.colours import depth_colours
 from ..pictures.pictures import draw_segments
 from . import desk
+from .guard import Guard
 from .panels import GRID, TALL, Panel, bar, empty, part
 from .ruler import Ruler
 
@@ -22,7 +23,10 @@ _KINDS = {".npy": "Depth (.npy)", "-colours.png": "Colours", ".ply": "Points", "
 
 
 def serve(models: desk.Models, port: int, show: bool) -> None:
-    """Shows the page at 127.0.0.1 until it is stopped; nobody else can reach it."""
+    """Shows the page at 127.0.0.1 until it is stopped; nobody else can reach it, see guard."""
+    if not 0 < port < 1 << 16:
+        raise UsageError(f"--port: expected 1 to 65535; found {port}")
+    app.add_middleware(Guard, port=port)
     ui.run(
         lambda: Page(models).build(), host="127.0.0.1", port=port, show=show, reload=False,
         title=f"rsa-data: {models.name}", dark=None, show_welcome_message=False,
@@ -96,7 +100,7 @@ class Page:
     async def _uploaded(self, event: events.UploadEventArguments) -> None:
         data = await event.file.read()
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / ("picture" + Path(event.file.name).suffix[:8])
+            path = Path(folder) / "picture"  # a name from outside is not used
             path.write_bytes(data)
             await self._open(lambda: desk.of_file(self.models, path))
 
