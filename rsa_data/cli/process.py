@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ..common import terminal
 from ..common.errors import RsaDataError
 from . import signals
 
@@ -80,7 +81,8 @@ def _open_streams() -> None:
     """Makes the standard streams safe to write to.
 
     A closed one is opened on nothing: the next file opened would get its number, and what libraries
-    print would go into it. Characters that the encoding of a stream lacks are written as escapes.
+    print would go into it. Characters that the encoding of a stream lacks are written as escapes,
+    and so are those that a terminal would obey.
     """
     for number in (0, 1, 2):
         try:
@@ -90,13 +92,19 @@ def _open_streams() -> None:
     for name, stream in (("stdout", sys.stdout), ("stderr", sys.stderr)):
         if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        kept = {"encoding": sys.stdout.encoding, "line_buffering": sys.stdout.line_buffering}
-        sys.stdout = _Output(sys.stdout.detach(), errors="backslashreplace", **kept)  # type: ignore[arg-type]
+    for name, kind in (("stdout", _Output), ("stderr", _Errors)):
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper):
+            kept: dict[str, Any] = {"encoding": stream.encoding, "errors": "backslashreplace"}
+            kept["line_buffering"] = stream.line_buffering
+            setattr(sys, name, kind(stream.detach(), **kept))
 
 
 class _Output(io.TextIOWrapper):
-    """Standard output that says of itself when it cannot be written."""
+    """Standard output, without what a terminal would obey; says when it cannot be written."""
+
+    def write(self, text: str) -> int:
+        return super().write(terminal.plain(text))
 
     def flush(self) -> None:
         try:
@@ -107,6 +115,14 @@ class _Output(io.TextIOWrapper):
             raise RsaDataError(
                 f"standard output cannot be written: {error.strerror or error}"
             ) from error
+
+
+class _Errors(io.TextIOWrapper):
+    """Standard error, without what a terminal would obey but a progress bar's own returns."""
+
+    def write(self, text: str) -> int:
+        bar = self.isatty() and text.startswith("\r")
+        return super().write("\r" * bar + terminal.plain(text.strip("\r") if bar else text))
 
 
 def _end(status: int) -> None:

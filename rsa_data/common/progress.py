@@ -3,6 +3,8 @@
 import sys
 from collections.abc import Callable
 
+from .terminal import plain
+
 _listeners: list[Callable[[int], None]] = []
 
 
@@ -36,5 +38,5 @@ class Proportion:
 
 def notice(line: str) -> None:
     """Shows a line at once, on standard error: what is only logged goes to the log of the run."""
-    sys.stderr.write(line + "\n")
+    sys.stderr.write(plain(line) + "\n")
     sys.stderr.flush()
