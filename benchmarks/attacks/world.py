@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
@@ -59,6 +60,7 @@ class World:
 
     def __init__(self, place: Path):
         self.place, self.base = place, place / "base"
+        self.started: list[Callable[[], None]] = []  # what ends others' processes
         self.shared = Path(__file__).parents[3] / "shared" / "data"
 
     def __enter__(self) -> "World":
@@ -87,6 +89,8 @@ class World:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        for stop in self.started:
+            stop()
         self.servers.kill()
         self.servers.wait()
 

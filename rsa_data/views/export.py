@@ -1,6 +1,6 @@
 """Export: captions and features of a work dir as a dataset that Hugging Face `datasets` opens."""
 
-import shutil
+import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -70,22 +70,47 @@ def export(
                 "done, and only whole datasets are exported. Run `rsa-data embed`, or leave this "
                 "dataset out: --datasets NAME"
             )
-    unfinished = out.with_name(f".{out.name}.unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
+    begun = {name: _state(table) for name, table in chosen.items()}
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(
+            dir=out.parent, prefix=f".{out.name}.", ignore_cleanup_errors=True
+        ) as folder:
+            unfinished = Path(folder) / out.name
+            counts = _write(work, chosen, unfinished)
+            for name, table in chosen.items():
+                if _state(table) != begun[name]:
+                    raise RsaDataError(
+                        f"{table}: was changed while it was exported. Run the same command again"
+                    )
+            unfinished.rename(out)
+            out.chmod(0o755)
+    except OSError as error:
+        raise RsaDataError(f"--out {out}: cannot be written: {error.strerror or error}") from error
+    return counts
+
+
+def _state(table: Table) -> tuple[Any, list[str]]:
+    """What an export is made from: the description and the parts."""
+    numbers = table.parts()
+    return table.description(), [receipt.sha256 for receipt in table.receipts(numbers)]
+
+
+def _write(work: WorkDir, chosen: dict[str, Table], place: Path) -> dict[str, int]:
+    """Writes the dataset below `place`; gives its rows by DATASET/SPLIT."""
     counts: dict[str, int] = {}
     for name, table in chosen.items():
         for number in table.parts():
             rows = _rows(work, table, number)
             split = work.table(name, "samples").receipt(number).split
-            file = unfinished / name / f"{split}-{number:05d}.parquet"
+            file = place / name / f"{split}-{number:05d}.parquet"
             file.parent.mkdir(parents=True, exist_ok=True)
             pq.write_table(rows, file, row_group_size=20_000, compression="zstd")
             key = f"{name}/{split}"
             counts[key] = counts.get(key, 0) + len(rows)
     if not counts:
         raise RsaDataError(f"{', '.join(map(str, chosen.values()))}: no part is done yet")
-    (unfinished / "README.md").write_text(_card(chosen, counts), "utf-8")
-    unfinished.rename(out)
+    (place / "README.md").write_text(_card(chosen, counts), "utf-8")
     return counts
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...common import files
+from ...common.errors import RsaDataError, UsageError
 from .colours import SEGMENT_COLOURS
 from .segments import draw_segments, segment_grid
 from .sheet import Prediction, contact_sheet
@@ -25,5 +27,11 @@ def save(picture: np.ndarray, path: Path) -> None:
     """Writes a picture as PNG or JPEG, by the file's suffix; parent folders are made."""
     from PIL import Image
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(picture).save(path, optimize=True)
+    kind = Image.registered_extensions().get(path.suffix.lower())
+    if kind not in ("PNG", "JPEG"):
+        raise UsageError(f"{path}: expected a name that ends in .png or .jpg")
+    try:
+        with files.replacing(path) as file:
+            Image.fromarray(picture).save(file, kind, optimize=True)
+    except OSError as error:
+        raise RsaDataError(f"{path}: cannot be written: {error.strerror or error}") from error

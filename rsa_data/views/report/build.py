@@ -7,6 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ...common import files as whole_files
 from ...common import svg
 from ...common.errors import RsaDataError, UsageError
 from ...common.html import Html, join, tag
@@ -61,8 +62,7 @@ def report(
     ]  # fmt: skip
     data = page(work, sections).encode()
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_bytes(data)
+        whole_files.write(out, data)
     except OSError as error:
         raise RsaDataError(f"--out {out}: cannot be written: {error.strerror or error}") from error
     return Report(out, f"report of {work.store.location}: {size(len(data))}\n  in {out}")
