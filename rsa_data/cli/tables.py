@@ -90,7 +90,9 @@ def _over_one(stage: Stage) -> Any:
         made = chains.chain(work, configured, name, how, root=root, wanted=wanted, first=first)
         if preview and how.plan is None:
             _draw(work, name, made.output, preview, root)
-        say_next(work, stage.next.format(dataset=name))
+        several = sum(table.startswith(f"{stage.kind}/") for table in work.tables(name)) > 1
+        choose = f" --{stage.kind} {made.output.rpartition('/')[2]}" if several else ""
+        say_next(work, stage.next.format(dataset=name, choose=choose))
 
     return call
 

@@ -191,8 +191,12 @@ def chain(
         if not numbers <= set(work.table(dataset, table).parts()):
             _run(jobs.job_of(work, dataset, table), before)
     else:
+        asked = first is not None
         first = first or stages.bind(stages.maker(reads.kind).name, {})
         making = jobs.job(work, first, dataset, root=root)
+        if not asked and len(there) > 1 and making.output not in there:
+            # Raises: which of them is meant is the user's to say, not the default's.
+            jobs.choose(work, dataset, reads.kind, None, f"--{reads.option}")
         _run(making, before)
         table = making.output
     return stage(work, configured, dataset, how, root=root, upstream=table)

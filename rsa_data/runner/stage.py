@@ -59,6 +59,10 @@ def _nothing(**options: Any) -> dict[str, Any]:
     return {}
 
 
+def _by_selector(**options: Any) -> str | None:
+    return None
+
+
 def _accepted(**options: Any) -> None:
     """Nothing to refuse."""
 
@@ -80,12 +84,14 @@ class Stage:
     build : (**options) -> Step; its keyword-only parameters are the options of the stage, and its
         docstring describes them.
     help : help text of the command; its first line is shown in lists, its block is an example.
-    next : what to run afterwards; {dataset} stands for the dataset's name.
+    next : what to run afterwards; {dataset} stands for the dataset's name, {choose} for the option
+        that chooses the table just made, where there are several.
     schema : of the output table.
     folder : where output tables lie, FOLDER/LABEL; {label} in it stands for the label of the table
         that is read.
     selector : the option whose value, `NAME` or `NAME:ARGUMENT`, is the default label. None: the
         label of the table that is read.
+    label : the default label by other options, such as a card's name; None: by `selector`.
     choices : the names that the selector takes.
     reads : the table that is read besides samples, if there is one.
     unit : column whose distinct values a receipt counts; noun : what people call them.
@@ -110,6 +116,7 @@ class Stage:
     folder: str
     selector: str | None
     choices: Entries | None = None
+    label: Callable[..., str | None] = _by_selector
     reads: Reads | None = None
     unit: str = "sample_id"
     noun: str = "samples"

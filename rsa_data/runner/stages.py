@@ -62,7 +62,12 @@ class ConfiguredStage:
         if self.stage.selector is None:
             assert read is not None
             return read
-        return label_of(str(self.options[self.stage.selector]), self.stage.choices)
+        own = self.stage.label(**self.options)
+        return (
+            label_of(str(self.options[self.stage.selector]), self.stage.choices)
+            if own is None
+            else own
+        )
 
 
 def bind(name: str, given: Mapping[str, Any]) -> ConfiguredStage:

@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from .. import registry
 from ..common import options
+from ..common.cards import read_card
 from ..common.errors import UsageError
 from ..common.onnx_sessions import Device
 from ..datasets.dataset import Dataset
@@ -63,7 +64,6 @@ def build(
     max_pixels : images with more pixels are refused, unread.
     """
     name, argument = registry.SEGMENTERS.split(segments)
-    _check_name(name, card)
     given = {
         "segmenter_weights": segmenter_weights,
         "card": card,
@@ -105,7 +105,6 @@ def files(
     May download the model. Raises RsaDataError, with the way out, when it cannot be had.
     """
     name, argument = registry.SEGMENTERS.split(segments)
-    _check_name(name, card)
     entry = _entry(name, card)
     target = registry.SEGMENTERS.get(entry, "")
     if target and not registry.SEGMENTERS.is_own(entry):
@@ -118,15 +117,14 @@ def files(
     return found
 
 
-def _check_name(name: str, card: Path | None) -> None:
-    """A model of one's own shall not fill the table of the default model by oversight."""
-    if card is not None and name == DEFAULT and card.stem != DEFAULT:
-        raise UsageError(f"--card {card}: name its table, --segments {card.stem} for instance")
-
-
 def _entry(name: str, card: Path | None) -> str:
     # With a card of one's own any name will do: its builder is the one of the default model.
     return DEFAULT if card is not None and name not in registry.SEGMENTERS else name
+
+
+def label(*, segments: str = DEFAULT, card: Path | None = None, **_: Any) -> str | None:
+    """The name of a card of one's own, where no other name was given for its table."""
+    return read_card(card).name if card is not None and segments == DEFAULT else None
 
 
 def check(*, segments: str = DEFAULT, card: Path | None = None, **_: Any) -> None:
@@ -152,10 +150,11 @@ STAGE = Stage(
     \b
       rsa-data detect --dataset nyuv2 --segments yolox-nano --segmenter-weights yolox_nano.onnx
     """,
-    next="captions --dataset {dataset}",
+    next="captions --dataset {dataset}{choose}",
     schema="segments",
     folder="segments",
     selector="segments",
+    label=label,
     models=True,
     choices=registry.SEGMENTERS,
     local=("segmenter_weights", "card", "threads"),

@@ -8,6 +8,7 @@ from PIL import Image
 
 from rsa_data.common import cards, onnx_sessions
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.runner import stages
 from rsa_data.segments import detect
 from rsa_data.store import schemas
 
@@ -263,12 +264,11 @@ def test_a_limit_on_pixels(own, tmp_path):
 
 
 def test_a_card_of_ones_own_names_its_table(own):
-    del own["segments"]
-    message = "name its table, --segments card for instance"
-    with pytest.raises(UsageError, match=message):
-        detect.build(dataset=DATASET, root=None, **own)
-    with pytest.raises(UsageError, match=message):
-        detect.files(**own)
+    card = own["card"]
+    assert stages.bind("detect", {"card": card}).default_label(None) == "card"
+    card.write_text('name = "mine"\n' + card.read_text())
+    assert stages.bind("detect", {"card": card}).default_label(None) == "mine"
+    assert stages.bind("detect", {"card": card, "segments": "x"}).default_label(None) == "x"
 
 
 def test_memory_does_not_grow_with_the_images(own, tmp_path):
