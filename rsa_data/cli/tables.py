@@ -86,7 +86,9 @@ def _over_one(stage: Stage) -> Any:
         files = {name: path for name, path in files.items() if path is not None}
         configured = ConfiguredStage(stage, options, label)
         first = chains.begin(work, configured, dataset, wanted, files)
-        name = chains.samples(work, dataset, given, root=root, source=first or configured)
+        name = chains.samples(
+            work, dataset, given, root=root, source=first or configured, say=click.echo
+        )
         made = chains.chain(work, configured, name, how, root=root, wanted=wanted, first=first)
         if preview and how.plan is None:
             _draw(work, name, made.output, preview, root)

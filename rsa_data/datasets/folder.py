@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
+from . import left_out
 from .cameras import UNKNOWN, Camera, read_matrix
 from .dataset import Dataset
 from .depth_files import UNITS, any_file
@@ -142,7 +143,20 @@ def _index(
         found = held_out_listed(found, test_list, "folder")
     elif test_share:
         found = held_out_last(found, test_share)
-    return to_table("folder", root, found, split)
+    beside = (
+        name
+        for below, names in files.items()
+        if _taken(below, images, depth)
+        for name in names
+        if not is_image(name)
+    )
+    return left_out.note(to_table("folder", root, found, split), beside)
+
+
+def _taken(below: str, images: str | None, depth: str | None) -> bool:
+    """Whether images are looked for in a folder; below : its path, with a slash at its end."""
+    parts = below.split("/")[:-1]
+    return depth not in parts and (images is None or images in parts)
 
 
 def _samples(
@@ -156,9 +170,9 @@ def _samples(
     """files : names of the files in each folder, which ends with a slash or is ""."""
     splits = {s for s in _SPLITS if any(below.startswith(f"{s}/") for below in files)}
     for below, names in files.items():
-        parts = below.split("/")[:-1]
-        if depth in parts or (images is not None and images not in parts):
+        if not _taken(below, images, depth):
             continue
+        parts = below.split("/")[:-1]
         which = parts[0] if parts and parts[0] in splits else "train"
         taken = [name for name in names if is_image(name)]
         if taken and splits and parts[:1] != [which]:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from ..common.errors import RsaDataError, UsageError
 from ..store import schemas
 from ..store.names import check_dataset_name
 from ..store.tables import Description, Made, WorkDir, fingerprint
+from . import left_out
 from .dataset import Dataset
 from .roots import is_remote, open_root
 
@@ -93,6 +94,15 @@ def missing_root(dataset: Dataset) -> RsaDataError:
     )
 
 
+@dataclass(frozen=True)
+class Indexed:
+    """What `index` did: samples there, those that are new, and a line on files left out."""
+
+    samples: int
+    new: int
+    left_out: str | None
+
+
 def index(
     work: WorkDir,
     dataset: Dataset,
@@ -102,7 +112,7 @@ def index(
     samples: pa.Table | None = None,
     part_size: int,
     test_part_size: int,
-) -> dict[str, int]:
+) -> Indexed:
     """Writes the samples that the work dir does not have yet, as new parts after the old ones.
 
     Parameters
@@ -110,7 +120,7 @@ def index(
     samples : the index when it does not come from files under `root`.
     part_size, test_part_size : see `_part_sizes`.
 
-    Returns the number of samples there and of those that are new. A part holds one split.
+    A part holds one split.
     """
     if samples is None:
         if root is None:
@@ -118,6 +128,7 @@ def index(
         samples = dataset.index(root, None)
         place = root if is_remote(root) else root.resolve()
         work.store.write(f"{dataset.name}/root.txt", str(place).encode())
+    beside = left_out.told(samples)
     samples = _named(samples, dataset.name)
     table = work.table(dataset.name, "samples")
     sizes = {"part_size": part_size, "test_part_size": test_part_size}
@@ -155,7 +166,7 @@ def index(
             number = next(numbers)
             table.commit(number, part, made, redo=number in gone)
     table.manifest(table.parts())
-    return {"samples": len(known) + len(fresh), "new": len(fresh)}
+    return Indexed(len(known) + len(fresh), len(fresh), beside)
 
 
 def sample_fingerprint(dataset: str, digest: str) -> str:

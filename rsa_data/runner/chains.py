@@ -46,6 +46,7 @@ def samples(
     root: Path | None = None,
     source: ConfiguredStage | None = None,
     start_over: bool = False,
+    say: Callable[[str], None] = lambda line: None,
 ) -> str:
     """Makes sure that a dataset is indexed and returns its name in the work dir.
 
@@ -57,6 +58,7 @@ def samples(
     choice : a dataset of the registry, or `BUILDER:NAME`; or a name that the work dir knows.
     given : options of the dataset; none keeps those that it was indexed with.
     source : the first stage that will run over the samples.
+    say : is given a line on files that the index leaves out.
     """
     table = work.table(check_dataset_name(choice.rpartition(":")[2]), "samples")
     if start_over:
@@ -83,7 +85,9 @@ def samples(
     if rows is not None:
         index.index(work, dataset, kept, root=None, samples=rows, **sizes)
     elif found is not None or not table.complete():
-        index.index(work, dataset, kept, root=found, **sizes)
+        done = index.index(work, dataset, kept, root=found, **sizes)
+        if done.left_out:
+            say(f"{dataset.name}: {done.left_out}")
     return dataset.name
 
 
