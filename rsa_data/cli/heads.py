@@ -1,6 +1,7 @@
 """Commands that make and use heads: train-head, evaluate, predict, import-head, export-head."""
 
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import click
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import call, parameters
 from ..evaluation.evaluate import evaluate as evaluate_function
+from ..heads.description import parse
 from ..heads.predict.predict import predict as predict_function
 from ..heads.released import import_head as import_function
 from ..heads.train.train_head import train_head as train_head_function
@@ -18,6 +20,26 @@ from ..views.depth_files.write import Outputs, Writer, check
 from . import console
 from .options import click_options
 from .shared import say_next, work_option
+
+# A caption of the release's structured texts, for heads of which no captions are known.
+_CAPTION = "An image with a bed, a wall, and two pillows."
+
+
+def example_caption(work: WorkDir, head: str) -> str:
+    """A caption that the head knows, quoted for a shell: the first one of its training set."""
+    about = parse(work.store.read(f"heads/{head}/head.json") or b"{}", f"heads/{head}/head.json")
+    for dataset, used in (about.get("datasets") or {}).items():
+        for name in used.get("tables") or ():
+            table = work.table(dataset, name)
+            if name.startswith("captions/") and (parts := table.parts()):
+                texts = table.read(parts[0], ["text"])["text"]
+                return shlex.quote(str(texts[0])) if len(texts) else shlex.quote(_CAPTION)
+    return shlex.quote(_CAPTION)
+
+
+def predict_with(work: WorkDir, head: str) -> str:
+    """The command that predicts a caption with a head."""
+    return f"predict --head {head} --caption {example_caption(work, head)}"
 
 
 @click.command("train-head")
@@ -47,9 +69,7 @@ def evaluate(work: str, **options: Any) -> None:
     """
     result = call(evaluate_function, WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
-    say_next(
-        WorkDir(work), f'predict --head {options["head"]} --caption "a small bathroom with a sink"'
-    )
+    say_next(WorkDir(work), predict_with(WorkDir(work), options["head"]))
 
 
 def _files(*, outputs: Outputs = Outputs()) -> Outputs:
@@ -116,7 +136,8 @@ def export_head(work: str, name: str, place: Path) -> None:
     """
     for path in export_function(WorkDir(work), name, place):
         click.echo(f"wrote {path}")
-    click.echo(f"next: rsa-data predict PHOTO --head {place}")
+    told = example_caption(WorkDir(work), name)
+    click.echo(f"next: rsa-data predict --head {shlex.quote(str(place))} --caption {told}")
 
 
 @click.command("import-head")
@@ -134,6 +155,4 @@ def import_head(work: str, file: Path, **options: Any) -> None:
     for name, measures in description["imported"]["measures"].items():
         numbers = "  ".join(f"{key} {value:.4f}" for key, value in measures.items())
         click.echo(f"  its own test measures, {name}: {numbers}")
-    say_next(
-        WorkDir(work), f"predict --head {Path(where).name} --encoder-weights CLIP --caption TEXT"
-    )
+    say_next(WorkDir(work), predict_with(WorkDir(work), Path(where).name))

@@ -250,7 +250,7 @@ STAGE = Stage(
       rsa-data embed --encoder minilm
       rsa-data embed --encoder clip-rn50 --encoder-weights RN50.pt
     """,
-    next="depth --dataset NAME --depth-model MODEL, then: rsa-data train-head",
+    next="depth --dataset {dataset} --depth-model depth-anything-v2-small",
     schema="embeddings",
     folder="embeddings/{label}",
     selector="encoder",

@@ -1,6 +1,7 @@
 """Heads that travel: exported, read from a file, an address or by a ready name."""
 
 import json
+import shlex
 import shutil
 
 import numpy as np
@@ -43,6 +44,10 @@ def test_a_head_is_the_same_elsewhere(work, tmp_path, place):
     words = ["export-head", "one", str(there), "--work", work.store.location]
     done = CliRunner().invoke(cli, words)
     assert done.exit_code == 0, done.output
+    # What it suggests runs as printed; without a caption of the training set it takes another.
+    (line,) = [line for line in done.output.splitlines() if line.startswith("next: rsa-data ")]
+    again = CliRunner().invoke(cli, shlex.split(line)[2:])
+    assert again.exit_code == 0 and again.output.startswith("scale ")
     head, own = find(WorkDir(tmp_path / "none"), str(there)), find(work, "one")
     for mine, theirs in zip(own(FEATURES), head(FEATURES), strict=True):
         np.testing.assert_array_equal(mine, theirs)

@@ -46,6 +46,8 @@ class Page:
 
     def build(self) -> None:
         """Puts everything in its place."""
+        # The photo stands in its own panel: a second, small one would push the others down.
+        ui.add_css(".q-uploader__list { display: none }")
         with ui.header().classes("items-center py-1"):
             ui.label(f"rsa-data: head {self.models.name}").classes("text-lg").props(
                 "role=heading aria-level=1"
