@@ -36,7 +36,7 @@ class Models:
 class Hints:
     """What is known of the scene, or of the frames around.
 
-    known : a point of known depth as u,v,metres (pixel column, pixel row); may be repeated. With a
+    known : a point of known depth as u,v,metres (pixel column and row, may be repeated). With a
         head the prediction is corrected by it, without one the points alone give the depth.
     range : depth of the nearest and of the farthest part as near,far in metres; used like two
         points.
@@ -55,7 +55,7 @@ class Hints:
 class View:
     """The camera, where the photo does not say it in its EXIF data.
 
-    intrinsics : fx,fy,cx,cy in px of the photo.
+    intrinsics : focal lengths and principal point as fx,fy,cx,cy in px of the photo.
     fov : horizontal field of view in degrees.
     """
 

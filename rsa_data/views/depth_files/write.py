@@ -21,7 +21,7 @@ class Outputs:
 
     out : a file NAME.npy (m), .png (16 bits, mm), .ply (coloured points) or .glb (textured mesh);
         any other name is a folder with one depth file for each photo.
-    kind : of the depth files in that folder.
+    kind : format of the depth files in that folder.
     colours : also write a picture of the depth in colours, with a bar in metres.
     ply : also write coloured points.
     glb : also write a textured mesh, cut where the depth jumps.
