@@ -193,6 +193,7 @@ STORES = Entries(
 # What a work dir holds beside datasets: FOLDER -> how to list and check it.
 COLLECTIONS = {
     "heads": "rsa_data.heads.collection:HEADS",
+    "comparisons": "rsa_data.evaluation.output:COMPARISONS",
 }
 
 # What a head can read of an image; a head's class names the kinds that it reads.
@@ -233,7 +234,10 @@ METRICS = Entries(
 )
 
 # What other rooms reach through the registry, as they may not import it.
-HEAD_FILES = {"scale-head": "rsa_data.heads.checkpoint:ScaleHead"}
+UPWARDS = {
+    "scale-head": "rsa_data.heads.checkpoint:ScaleHead",
+    "evaluations": "rsa_data.evaluation.output:problems_below",
+}
 
 
 def resolve(kind: str, table: dict[str, str], name: str) -> Any:

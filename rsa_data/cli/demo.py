@@ -60,7 +60,6 @@ def draw(work: WorkDir, datasets: list[str], path: Path) -> None:
     rows = []
     for name in datasets:
         dataset = load_dataset(work, name)
-        limits = {"min_depth": dataset.min_depth, "max_depth": dataset.max_depth}
         shown = [s for s in choose(work, name, 4 * _SHOWN, "demo") if s.predicted is not None]
         # Scenes of one kind may stand at equal distances: a stride of 3 meets several kinds.
         for s in shown[::3][:_SHOWN]:
@@ -75,7 +74,12 @@ def draw(work: WorkDir, datasets: list[str], path: Path) -> None:
                     predicted=s.predicted,
                     scale=s.scale,
                     shift=s.shift,
-                    abs_rel=depth_errors(s.truth, s.predicted, **limits)["abs_rel"],
+                    abs_rel=depth_errors(
+                        s.truth,
+                        s.predicted,
+                        min_depth=dataset.min_depth,
+                        max_depth=dataset.max_depth,
+                    )["abs_rel"],
                 )
             )
     sheet = pictures.contact_sheet(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..common.errors import RsaDataError
-from ..registry import HEAD_FILES, resolve
+from ..registry import UPWARDS, resolve
 
 # Beyond these the step stops. A cosine says little of what a head makes of a feature (at .998 the
 # released Depth Anything head's scale moved by 1.6% in the median, 4 to 5% in the worst twentieth),
@@ -51,7 +51,7 @@ def compare(
             f"a norm changed by {figures['norm_change_max']:.1%} (at most {MAX_NORM_CHANGE:.0%})"
         )
     if head is not None:
-        loaded = resolve("head file", HEAD_FILES, "scale-head").load(head)
+        loaded = resolve("room", UPWARDS, "scale-head").load(head)
         for name, one, other in zip(("scale", "shift"), loaded(found), loaded(exact), strict=True):
             change = np.abs(one / other - 1)
             figures[f"{name}_change_median"] = float(np.median(change))

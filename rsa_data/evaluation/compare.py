@@ -12,7 +12,7 @@ from ..store.tables import WorkDir
 from . import breakdown, formats, output, paired, plots
 from .constants import fit_constants
 from .contenders import Entry, inputs_of, methods_of, plans, train, training_images
-from .evaluate import Evaluation, notes
+from .evaluate import Evaluation, kinds_of, notes
 from .methods import by_constant, oracle_methods
 from .metrics import metrics
 from .options import Measuring
@@ -101,7 +101,7 @@ def compare(
     ]
     now = output.heads_now(work, [entry.name for entry in entries])
     text = entries[0]
-    ranges = {d: rules_of(work, d, protocol) for d in names}
+    ranges = {d: rules_of(work, d, protocol, measuring.beyond) for d in names}
     depths = {d: text.sources[d].depth for d in names}
     limits = {d: (rule.min_depth, rule.max_depth) for d, rule in ranges.items()}
     constants = fit_constants(work, depths, limits, learn)
@@ -121,7 +121,7 @@ def compare(
         f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, "
         f"{recipe.epochs} epochs; mean over images [95% interval by scene].",
         *over_seeds,
-        *notes(text.head.about, rows, protocol)[1:],
+        *notes(text.head.about, rows, protocol, kinds_of(work, names))[1:],
     ]
     extra = _hard(work, text, names, merged, split)
     apart = paired.differences(merged.to_pandas(), "text", measuring.draws)

@@ -1,7 +1,7 @@
 """`evaluate`: a head on the test splits, beside what bounds it and what it must beat."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from .methods import Method, by_constant, head_method, label_of, oracle_methods
 from .options import Measuring
 from .paper import paper_rows
 from .rows import measure
-from .setting import parts_of, rules_of, tables_of, with_split
+from .setting import parts_of, rules_of, split_of, tables_of, with_split
 from .sizes import by_object_sizes, has_sizes
 from .summary import Row, summarise
 
@@ -88,7 +88,7 @@ def evaluate(
     names = with_split(work, datasets, split)
     wanted = Tables(datasets=tuple(names), style=style, depth_model=depth_model)
     tables = {name: tables_of(work, other.about, wanted) for name, other in heads.items()}
-    ranges = {name: rules_of(work, name, protocol) for name in names}
+    ranges = {name: rules_of(work, name, protocol, measuring.beyond) for name in names}
     depths = {name: source.depth for name, source in tables[head].items()}
     limits = {name: (rule.min_depth, rule.max_depth) for name, rule in ranges.items()}
     constants = fit_constants(work, depths, limits, about.trained_on)
@@ -119,7 +119,7 @@ def evaluate(
             by.append(by_description(work, name, captions, numbers, found[-1].to_pandas()))
     table = pa.concat_tables(found)
     rows = summarise(table, measuring.draws)
-    said = notes(about, rows, protocol) + said
+    said = notes(about, rows, protocol, kinds_of(work, names)) + said
     shown = [row for name in names for row in (*rows, *theirs) if row.dataset == name]
     folder = f"heads/{head}/evaluation/{output.folder_name(protocol, split, datasets)}"
     summary = output.Summary(f"head {head}: protocol {protocol}, {split} split", shown, said)
@@ -133,6 +133,11 @@ def evaluate(
     return Evaluation(table, rows, text, folder)
 
 
+def kinds_of(work: WorkDir, names: Sequence[str]) -> dict[str, str]:
+    """Name in the registry of each dataset of a work dir."""
+    return {n: work.table(n, "samples").description().options["dataset"] for n in names}
+
+
 def _paper(
     work: WorkDir, name: str, depth: str, parts: Sequence[TestPart], measuring: Measuring
 ) -> tuple[list[Row], list[str]]:
@@ -141,7 +146,7 @@ def _paper(
     return paper_rows(
         name,
         work.table(name, "samples").description().options["dataset"],
-        split=measuring.split,
+        split=split_of(measuring.split, name),
         protocol=measuring.protocol,
         images=sum(table.receipt(part.number).ok for part in parts),
         model=table.name.partition("/")[2],
@@ -149,8 +154,13 @@ def _paper(
     )
 
 
-def notes(about: "Description", rows: Sequence[Row], protocol: str) -> list[str]:
-    """What a reader of the numbers must know."""
+def notes(
+    about: "Description", rows: Sequence[Row], protocol: str, kinds: Mapping[str, str]
+) -> list[str]:
+    """What a reader of the numbers must know.
+
+    kinds : name of each dataset in the registry.
+    """
     said = ["Mean over images; in brackets the 95% interval, whole scenes drawn with replacement."]
     trained = about.trained_on
     names = list(dict.fromkeys(row.dataset for row in rows))
@@ -167,8 +177,10 @@ def notes(about: "Description", rows: Sequence[Row], protocol: str) -> list[str]
             said.append(f"{name}: one scene only, so nothing is said about others; no interval.")
         if name in trained and "one block" in trained[name].validation:
             said.append(f"{name}: its best epoch was chosen on frames of the training scene.")
-        errors = {row.method: row.mean["abs_rel"] for row in own}
-        if (
+        errors = {row.method: row.mean["abs_rel"] for row in own if row.mean}
+        if not own[0].mean:
+            said.append(f"{name}: nothing could be measured: see error in metrics.parquet.")
+        elif (
             min(errors.get("constant", math.inf), errors.get("constant (L1)", math.inf))
             <= (own[0].mean["abs_rel"])
         ):
@@ -185,6 +197,11 @@ def notes(about: "Description", rows: Sequence[Row], protocol: str) -> list[str]
                 f"{name}: images that a method could not do, and that its mean leaves out: {some}; "
                 "why: error in metrics.parquet."
             )
+    if synthetic := [name for name in names if kinds.get(name, "").startswith("synthetic")]:
+        said.append(
+            f"Synthetic: {', '.join(synthetic)} was rendered, not photographed: these numbers say "
+            "nothing about real images."
+        )
     if protocol == "monodepth2":
         said.append("Every prediction is scaled by the ground truth's median before clipping.")
     return said

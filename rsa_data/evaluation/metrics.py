@@ -154,7 +154,15 @@ def metrics() -> dict[str, Metric]:
     return {name: registry.resolve("metric", registry.METRICS, name) for name in registry.METRICS}
 
 
-def depth_errors(gt: Any, pred: Any, *, min_depth: float, max_depth: float) -> dict[str, float]:
+def depth_errors(
+    gt: Any,
+    pred: Any,
+    *,
+    min_depth: float | None = None,
+    max_depth: float | None = None,
+    protocol: str | None = None,
+    dataset: str | None = None,
+) -> dict[str, float]:
     """Errors of one image's predicted depth over its valid pixels (Eigen et al. 2014, KITTI).
 
     Parameters
@@ -163,7 +171,9 @@ def depth_errors(gt: Any, pred: Any, *, min_depth: float, max_depth: float) -> d
         the code of BTS and RSA; all others (0, nan, inf too) are left out.
     pred : array or tensor of the same shape, m. Clipped to the range first: inf becomes max_depth
         and nan min_depth.
-    min_depth, max_depth : m, 0 < min_depth < max_depth.
+    min_depth, max_depth : m, 0 < min_depth < max_depth; in place of a protocol's, or without one.
+    protocol, dataset : crop, range and scaling of a published table, such as rsa and nyuv2; gt and
+        pred are then whole maps of shape (height, width).
 
     Returns
     -------
@@ -182,16 +192,33 @@ def depth_errors(gt: Any, pred: Any, *, min_depth: float, max_depth: float) -> d
         raise RsaDataError(
             f"depth_errors: expected one shape, found gt {gt.shape} and pred {pred.shape}"
         )
+    valid = np.ones(gt.shape, bool)
+    if protocol is not None or dataset is not None:
+        from .protocols import of_names
+
+        rules = of_names(protocol, dataset)
+        if gt.ndim != 2:
+            raise RsaDataError(f"depth_errors: expected maps (height, width), found {gt.shape}")
+        valid = rules.region(*gt.shape)
+        min_depth = rules.min_depth if min_depth is None else min_depth
+        max_depth = rules.max_depth if max_depth is None else max_depth
+    if min_depth is None or max_depth is None:
+        raise RsaDataError(
+            "depth_errors: expected min_depth and max_depth, or protocol and dataset"
+        )
     if not 0 < min_depth < max_depth:
         raise RsaDataError(
             f"depth_errors: expected 0 < min_depth < max_depth, found {min_depth} and {max_depth}"
         )
-    valid = (gt > min_depth) & (gt < max_depth)
+    valid &= (gt > min_depth) & (gt < max_depth)
     if not valid.any():
         raise RsaDataError(
             f"depth_errors: no valid pixel: no ground truth between {min_depth} and {max_depth} m"
         )
-    return errors_of_valid(gt[valid], clip(pred[valid], min_depth, max_depth))
+    gt, pred = gt[valid], pred[valid]
+    if protocol is not None and rules.median_scaled:
+        pred = pred * (np.median(gt) / np.median(pred))
+    return errors_of_valid(gt, clip(pred, min_depth, max_depth))
 
 
 def errors_of_valid(gt: np.ndarray, pred: np.ndarray) -> dict[str, float]:

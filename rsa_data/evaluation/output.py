@@ -6,7 +6,7 @@ names the heads by digest, what was measured, and the sha256 of each file.
 
 import hashlib
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from ..common.errors import RsaDataError
 from ..common.typed import parse
+from ..runner.collection import Collection
 from ..store.encoding import to_json
 from ..store.tables import WorkDir
 from .formats import FORMATS
@@ -106,14 +107,10 @@ def folder_name(protocol: str, split: str, datasets: Sequence[str]) -> str:
     return ".".join(parts)
 
 
-def check(work: WorkDir) -> list[str]:
-    """What is wrong with evaluations and comparisons, a line each; nothing when all is well."""
-    folders = [f"comparisons/{name}" for name in _folders(work, "comparisons")]
-    for head in _folders(work, "heads"):
-        for kind in ("evaluation", "robustness"):
-            place = f"heads/{head}/{kind}"
-            folders += [f"{place}/{name}" for name in _folders(work, place)]
-    return [line for folder in folders for line in _wrong(work, folder)]
+def problems_below(work: WorkDir, place: str) -> Iterator[str]:
+    """What is wrong with the evaluations in the folders below a place, a sentence each."""
+    for name in _folders(work, place):
+        yield from _wrong(work, f"{place}/{name}")
 
 
 def _folders(work: WorkDir, place: str) -> list[str]:
@@ -143,3 +140,15 @@ def _wrong(work: WorkDir, folder: str) -> list[str]:
         if now[name] != digest
     ]
     return lines
+
+
+def _state(work: WorkDir, name: str) -> str:
+    said = _wrong(work, f"comparisons/{name}")
+    return said[0] if said else ""
+
+
+COMPARISONS = Collection(
+    names=lambda work: _folders(work, "comparisons"),
+    check=lambda work, name: iter(_wrong(work, f"comparisons/{name}")),
+    state=_state,
+)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from ..common.errors import RowError, unknown
+from .. import registry
+from ..common.errors import RowError, UsageError, unknown
 from ..datasets.dataset import Dataset
 from ..datasets.kitti import CROP
 
@@ -21,12 +23,15 @@ class Rules:
         predictions are clipped to them.
     median_scaled : each prediction is first multiplied by the median of the ground truth over its
         own median, so that only its shape is judged. Always before clipping.
+    beyond : the depth where scale * y + shift is negative: far, the maximum, as a point beyond
+        everything; near, the minimum, as the released code of RSA has it by its clipping.
     """
 
     region: Region
     min_depth: float
     max_depth: float
     median_scaled: bool = False
+    beyond: Literal["far", "near"] = "far"
 
 
 def whole(height: int, width: int) -> np.ndarray:
@@ -38,6 +43,14 @@ def eigen(height: int, width: int) -> np.ndarray:
     """The crop of NYU frames of 640x480 px, rows 45 to 471 and columns 41 to 601 (BTS)."""
     if (height, width) != (480, 640):
         raise RowError(f"the Eigen crop is defined on 640x480 px, found {width}x{height}")
+    return _rectangle(height, width, 45, 471, 41, 601)
+
+
+def eigen_numbers(height: int, width: int) -> np.ndarray:
+    """Rows 45 to 471 and columns 41 to 601 of a map of any size, as far as it reaches.
+
+    What Depth Anything's code does with SUN RGB-D, whose images have many sizes.
+    """
     return _rectangle(height, width, 45, 471, 41, 601)
 
 
@@ -85,8 +98,8 @@ PROTOCOLS: dict[str, dict[str, Rules]] = {
     },
     "depth-anything": _BTS
     | {
-        "sunrgbd": Rules(eigen, _MIN, 8.0),
-        "ddad": Rules(kb_garg, _MIN, 80.0),
+        "sunrgbd": Rules(eigen_numbers, _MIN, 8.0),
+        "ddad": Rules(garg, _MIN, 80.0),
     },
 }
 
@@ -101,3 +114,14 @@ def rules(protocol: str, dataset: Dataset, kind: str) -> Rules:
         raise unknown("protocol", protocol, PROTOCOLS)
     own = Rules(whole, dataset.min_depth, dataset.max_depth, median_scaled=protocol == "monodepth2")
     return PROTOCOLS[protocol].get(kind, own)
+
+
+def of_names(protocol: str | None, dataset: str | None) -> Rules:
+    """The rules of a protocol for a dataset of the registry, both by name."""
+    if protocol is None or dataset is None:
+        raise UsageError("depth_errors: expected protocol and dataset together")
+    if protocol not in PROTOCOLS:
+        raise unknown("protocol", protocol, PROTOCOLS)
+    if dataset in PROTOCOLS[protocol]:
+        return PROTOCOLS[protocol][dataset]
+    return rules(protocol, registry.build("dataset", registry.DATASETS, dataset), dataset)

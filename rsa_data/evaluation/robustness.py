@@ -85,7 +85,7 @@ def robustness(
     names = with_split(work, datasets, split)
     found = []
     for name, source in tables_of(work, loaded.about, Tables(tuple(names))).items():
-        rule = rules_of(work, name, protocol)
+        rule = rules_of(work, name, protocol, measuring.beyond)
         methods = robustness_methods(
             work, loaded, source, max_depth=rule.max_depth, weights=encoder_weights, seed=seed
         )

@@ -51,6 +51,8 @@ def _row(
     except RowError as error:
         return {"status": "failed", "error": str(error), "n_valid": len(image.gt)}
     depth = prediction.depth
+    if rules.beyond == "near" and prediction.scale is not None and prediction.shift is not None:
+        depth = np.where(prediction.scale * image.y + prediction.shift < 0, rules.min_depth, depth)
     if rules.median_scaled:
         depth = depth * (np.median(image.gt) / np.median(depth))
     return {

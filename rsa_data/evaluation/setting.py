@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
 from .. import registry
-from ..common.errors import RsaDataError, unknown
+from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..heads.belong import Source, Tables
 from ..heads.sources import sources as find_sources
@@ -32,10 +32,12 @@ def with_split(work: WorkDir, datasets: Sequence[str], split: str) -> list[str]:
     for name in datasets or there:
         samples = work.table(name, "samples")
         splits[name] = {samples.receipt(n).split for n in samples.parts()}
-    chosen = [name for name, has in splits.items() if split in has]
+    chosen = [name for name, has in splits.items() if split_of(split, name) in has]
     if missing := sorted(set(datasets) - set(chosen)):
         found = ", ".join(sorted(splits[missing[0]]))
-        raise RsaDataError(f"{missing[0]}: expected the split {split!r}; found {found}")
+        raise RsaDataError(
+            f"{missing[0]}: expected the split {split_of(split, missing[0])!r}; found {found}"
+        )
     if not chosen:
         raise RsaDataError(
             f"{work.store.location}: no dataset there has the split {split!r}: index one with "
@@ -94,14 +96,29 @@ def _same(kind: str, wanted: dict[str, Any], where: str, found: dict[str, Any]) 
     belong.same(kind, {"the head": wanted, where: found})
 
 
-def rules_of(work: WorkDir, name: str, protocol: str) -> Rules:
+def split_of(split: str, dataset: str) -> str:
+    """The split of a dataset by what --split says, such as test or test,ddad=val."""
+    usual, *others = split.split(",")
+    own = {name: value for name, _, value in (other.partition("=") for other in others)}
+    if "" in own.values() or "=" in usual:
+        raise UsageError(f"--split: expected SPLIT or SPLIT,DATASET=SPLIT; found {split!r}")
+    return own.get(dataset, usual)
+
+
+def rules_of(
+    work: WorkDir, name: str, protocol: str, beyond: Literal["far", "near"] = "far"
+) -> Rules:
     """The protocol's rules for a dataset of the work dir."""
     kind = work.table(name, "samples").description().options["dataset"]
-    return rules(protocol, index.load_dataset(work, name), kind)
+    return replace(rules(protocol, index.load_dataset(work, name), kind), beyond=beyond)
 
 
 def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]:
-    """The parts of a split, in order. Raises RsaDataError where depth is not done for all."""
+    """The parts of a split, see `split_of`, in order.
+
+    Raises RsaDataError where depth is not done for all.
+    """
+    split = split_of(split, name)
     samples, table = work.table(name, "samples"), work.table(name, depth)
     numbers = [n for n in samples.parts() if samples.receipt(n).split == split]
     if missing := set(numbers) - set(table.parts()):

@@ -11,24 +11,14 @@ from .description import Description
 from .train.plan import Described
 
 
-def check(work: WorkDir) -> list[str]:
-    """What is wrong with the heads, a line each; nothing when all is well.
+def problems(work: WorkDir, name: str) -> list[str]:
+    """What is wrong with a head, a sentence each; nothing when all is well.
 
-    Each head is loaded, which compares its weights with the sha256, names, shapes and dtypes in
+    The head is loaded, which compares its weights with the sha256, names, shapes and dtypes in
     head.json; its history is compared with its sha256, and the training it came from with the
     description of its folder.
     """
-    names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
-    return [line for name in names for line in _wrong(work, name)]
-
-
-def _wrong(work: WorkDir, name: str) -> list[str]:
     place = f"{work.store.location}/heads/{name}"
-    files = work.store.list(f"heads/{name}")
-    if "head.json" not in files:
-        if "head.safetensors" in files and "checkpoint.safetensors" not in files:
-            return [f"{place}: expected head.json beside head.safetensors; found none. Train again"]
-        return []  # not finished yet
     try:
         about = ScaleHead.load(place).about
         return _history(work, name, about) + _training(work, name, about)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from .. import registry
 from ..common.errors import RsaDataError
 from ..datasets import index
 from ..runner.collection import Collection
@@ -42,9 +43,13 @@ def state(work: WorkDir, name: str) -> str:
 
 
 def check(work: WorkDir, name: str) -> Iterator[str]:
-    """Problems of a head."""
-    if (said := state(work, name)).startswith("damaged"):
-        yield said
+    """Problems of a head, and of what was measured with it."""
+    from .checks import problems
+
+    yield from problems(work, name)
+    evaluations = registry.resolve("room", registry.UPWARDS, "evaluations")
+    for kind in ("evaluation", "robustness"):
+        yield from evaluations(work, f"heads/{name}/{kind}")
 
 
 HEADS = Collection(names, check, state)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rsa_data.evaluation.metrics as metrics
@@ -34,6 +34,7 @@ def by_pixel(gt, pred, low, high):
     }
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from([(1e-3, 10.0), (1e-3, 80.0), (0.2, 5.0)]))
 def test_equals_a_loop_over_pixels(seed, caps):
     rng = np.random.default_rng(seed)

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsa_data.common.errors import RowError, UsageError
+from rsa_data import depth_errors
+from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets.dataset import Dataset
 from rsa_data.evaluation import protocols
 
@@ -90,3 +91,36 @@ def test_a_crop_on_another_size_is_refused(protocol, kind, size):
 def test_an_unknown_protocol_names_the_nearest():
     with pytest.raises(UsageError, match="Did you mean 'monodepth2'"):
         protocols.rules("monodepth", ANY, "nyuv2")
+
+
+@pytest.mark.parametrize("size", [(530, 730), (427, 561), (531, 681), (441, 591), (240, 320)])
+def test_sun_rgbd_as_depth_anything_slices_it(size):
+    """Depth Anything metric_depth, SUN RGB-D: eval_mask[45:471, 41:601] = 1 at every size."""
+    mask = np.zeros(size, bool)
+    mask[45:471, 41:601] = True
+    rule = protocols.rules("depth-anything", ANY, "sunrgbd")
+    np.testing.assert_array_equal(rule.region(*size), mask)
+    assert (rule.min_depth, rule.max_depth) == (1e-3, 8.0)
+
+
+def test_ddad_as_depth_anything_cuts_it():
+    """Garg's fractions of the whole map, no KB crop."""
+    rule = protocols.rules("depth-anything", ANY, "ddad")
+    np.testing.assert_array_equal(rule.region(1216, 1936), monodepth2_kitti(1216, 1936))
+
+
+def test_depth_errors_under_a_protocol():
+    gt = np.full((480, 640), 2.0)
+    pred = np.full((480, 640), 2.2)
+    pred[:45] = 9.0  # outside the crop of Eigen
+    assert depth_errors(gt, pred, protocol="bts", dataset="nyuv2")["abs_rel"] == pytest.approx(0.1)
+    whole = depth_errors(gt, pred, protocol="rsa", dataset="nyuv2")["abs_rel"]
+    assert whole == pytest.approx((0.1 * 435 + 3.5 * 45) / 480)
+    scaled = depth_errors(gt, pred, protocol="monodepth2", dataset="nyuv2")
+    assert scaled["abs_rel"] == pytest.approx(0, abs=1e-12)
+    near = depth_errors(gt, pred, protocol="rsa", dataset="nyuv2", max_depth=4.0)["abs_rel"]
+    assert near == pytest.approx((0.1 * 435 + 1.0 * 45) / 480)
+    with pytest.raises(UsageError, match="protocol and dataset together"):
+        depth_errors(gt, pred, protocol="rsa")
+    with pytest.raises(RsaDataError, match="expected min_depth and max_depth, or protocol"):
+        depth_errors(gt, pred)

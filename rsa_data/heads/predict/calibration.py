@@ -53,7 +53,7 @@ def calibrate(head: ScaleHead, validation: Examples) -> dict[str, Any]:
     if len(error) >= 10:
         spread = 1.4826 * np.median(np.abs(error), axis=0)
         clipped = np.clip(error, -3 * spread, 3 * spread)
-        together = np.corrcoef(clipped.T)[0, 1] if (clipped.std(0) > 0).all() else 0.0
+        together = np.corrcoef(clipped.T)[0, 1] if (clipped.std(0) > 1e-9).all() else 0.0
         said["prior"] = Prior(
             scale=round(max(float(spread[0]), 0.01), 4),
             shift=round(max(float(spread[1]), 0.01), 4),
