@@ -32,10 +32,11 @@ def build_step(job: Job) -> Step:
 
 
 def _images(job: Job) -> list[str]:
-    """Paths of all images of the dataset, of every part and split."""
+    """Paths of all images of the dataset, of every part and split, each once."""
     samples = job.table("samples")
     parts = [samples.read(number, columns=["image"])["image"] for number in samples.parts()]
-    return [image for part in parts for image in part.to_pylist() if image is not None]
+    images = (image for part in parts for image in part.to_pylist() if image is not None)
+    return list(dict.fromkeys(images))
 
 
 def run_part(

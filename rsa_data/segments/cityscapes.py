@@ -69,7 +69,7 @@ def build(
 def _owners(images: Iterable[str | None]) -> Counter[str]:
     """How many images each instance map would belong to."""
     owners: Counter[str] = Counter()
-    for image in images:
+    for image in dict.fromkeys(images):
         with contextlib.suppress(RowError):
             owners[map_path(image)] += 1
     return owners

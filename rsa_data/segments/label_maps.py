@@ -81,7 +81,7 @@ def build(
 def _owners(images: Iterable[str | None], template: str) -> Counter[Path]:
     """How many images each label map would belong to."""
     owners: Counter[Path] = Counter()
-    for image in images:
+    for image in dict.fromkeys(images):
         with contextlib.suppress(RowError):
             if image is not None:
                 owners[label_path(image, template)] += 1
