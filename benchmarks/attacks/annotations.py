@@ -324,7 +324,7 @@ def _label_maps() -> Iterator[Attack]:
     }
     for file, cases in (("names.txt", names), ("names.toml", tomls)):
         for name, data in cases.items():
-            fine = name == "control characters"
+            fine = name in ("control characters", "NUL")
             yield Attack(
                 f"{file}: {name}",
                 (*words[:-1], file),

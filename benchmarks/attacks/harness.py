@@ -122,6 +122,8 @@ class Running:
     def _child(self) -> None:
         try:
             self._enter(self.attack.stdout)
+            # A shell that runs this in the background has it ignored.
+            signal.signal(signal.SIGINT, signal.default_int_handler)
             sys.argv = ["rsa-data", *self.attack.words]
             if self.attack.after:
                 os.execv(sys.executable, [sys.executable, "-m", "rsa_data", *self.attack.words])
@@ -182,7 +184,7 @@ class Running:
             return "traceback"
         if not self.attack.mistakes and _MISTAKE.search(said):
             return "broken"
-        if re.search(r"[1-9][\d,]* failed", said):
+        if re.search(r"[1-9][\d,]* (failed|images have no answer)", said):
             return "failed"
         if status == 0:
             return "accepted"

@@ -109,7 +109,7 @@ def attacks(world: World) -> Iterator[Attack]:
     )
     # Another origin may hold an image as well as this one: no key goes there. What has no length
     # may be whole.
-    fine = {"elsewhere", "found", "206", "twolengths"}
+    fine = {"elsewhere", "found", "206", "twolengths", "length", "minus", "encoding"}
     for name in FILES:
         yield Attack(
             f"file: {name}",

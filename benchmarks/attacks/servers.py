@@ -181,7 +181,9 @@ class Handler(BaseHTTPRequestHandler):
             599,
             999,
         )
-        if how in junk:
+        if how == "good":
+            self.send(200, good)
+        elif how in junk:
             self.send(
                 200,
                 junk[how],

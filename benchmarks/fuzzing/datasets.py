@@ -16,6 +16,7 @@ from rsa_data.datasets.seven_scenes import seven_scenes
 from rsa_data.datasets.sun3d import sun3d
 from rsa_data.datasets.sunrgbd import sunrgbd
 from rsa_data.datasets.void import void
+from rsa_data.store import http
 
 from .forms import (
     SHARED,
@@ -118,7 +119,26 @@ _SUN = "SUNRGBD/kv1/NYUdata/NYU0001"
 CAMERA_SEEDS = ["585 0 320\n0 585 240\n0 0 1\n",
                 "P_rect_02: 7.2e+02 0 6e+02 4e+01 0 7.2e+02 1e+02 2e-01 0 0 1 2e-03\n"]  # fmt: skip
 
+PAGES = [
+    b'<a href="../">..</a><a href="a.png">a</a><a href="b/">b</a><a href="?C=N">N</a>',
+    b'<pre><a href="/x/c%20d.jpg">c</a> 01-Jan 9K\n<A HREF=e.png>e</A></pre>',
+    b'<a href="http://[::1">x</a><a href="//h/x/">y</a><a href="a%00b%2f..%2f">z</a>',
+]
+
+
+def listing_page(here: Path) -> One:
+    """The page that a web server makes of a folder."""
+
+    def one(data: bytes) -> None:
+        for name in http.names(data, "http://h/x/"):
+            step = name.removesuffix("/")
+            assert step and "/" not in step and step not in (".", "..") and "\0" not in step, name
+
+    return one
+
+
 IMPORTERS = {
+    "http-listing": Importer(lambda: PAGES, listing_page, "text"),
     "list-kitti": Importer(
         list_seeds(
             f"{KITTI}/image_02/data/0000000069.png None 721.5377",

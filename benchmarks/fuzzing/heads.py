@@ -1,5 +1,7 @@
 """The description of a head, after somebody edited it."""
 
+import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads import checkpoint
 from rsa_data.heads.predict import predict
+from rsa_data.heads.released import read_released
 from rsa_data.runner import status
 from rsa_data.store.tables import WorkDir
 
@@ -71,6 +74,52 @@ def head(here: Path) -> One:
     return one
 
 
+def checkpoint_seeds() -> list[bytes]:
+    """Shapes of a released checkpoint's tensors, as JSON: [name, shape, dtype, value]."""
+    nets = {"scene_feat_net": (8, 512, 256, 256), "shift_net": (256, 128, 64, 1),
+            "scale_net": (256, 128, 64, 1)}  # fmt: skip
+    shared: list[list[Any]] = []
+    for net, sizes in nets.items():
+        for n, (before, after) in enumerate(pairwise(sizes)):
+            shared.append([f"module.{net}.{2 * n}.weight", [after, before], "float32", 0.01])
+            shared.append([f"module.{net}.{2 * n}.bias", [after], "float32", 0])
+    measures = [["nyu", [9], "float32", 0.5]]
+    about = {"model": shared, "measures": measures, "global_step": 3}
+    return [js(about), js({**about, "measures": []}), js({"model": []})]
+
+
+def released_checkpoint(here: Path) -> One:
+    """import-head on .pt files whose names, shapes and kinds of tensors are anything."""
+
+    def tensor(shape: Any, kind: Any, value: Any) -> Any:
+        try:
+            whole = [int(side) for side in shape][:4]
+            if np.prod([float(side) for side in whole]) > 1e6:
+                return torch.zeros(1).expand(whole)
+            return torch.full(whole, value, dtype=getattr(torch, str(kind)))
+        except (TypeError, ValueError, RuntimeError, AttributeError, OverflowError):
+            return value
+
+    def rows(value: Any) -> list[list[Any]]:
+        return [row for row in value if isinstance(row, list) and len(row) == 4]
+
+    def one(data: bytes) -> None:
+        try:
+            about = json.loads(data)
+            content = {"model": {str(n): tensor(*rest) for n, *rest in rows(about["model"])}}
+            for name, *rest in rows(about["measures"]):
+                content[f"best_eval_measures_{name}"] = tensor(*rest)
+            content["global_step"] = about["global_step"]
+            torch.save(content, here / "head.pt")
+        except (ValueError, KeyError, TypeError, RuntimeError, RecursionError, UnicodeError):
+            (here / "head.pt").write_bytes(data)
+        if (here / "head.pt").stat().st_size < 1 << 22:
+            read_released(here / "head.pt")
+
+    return one
+
+
 IMPORTERS = {
     "head": Importer(head_seeds, head),
+    "import-head": Importer(checkpoint_seeds, released_checkpoint),
 }

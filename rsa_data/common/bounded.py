@@ -39,10 +39,8 @@ LIMITS: dict[str, float] = {
     "record": 512e6,
     # Bytes of a server's answer that is not a file: JSON, or a page that lists a folder.
     "answer": 16e6,
-    # Entries of a folder tree or a bucket that an index looks at.
-    "entries": 50e6,
     # Seconds that one request may take in all, from the first byte sent to the last one read.
-    "request": 120.0,
+    "request": 300.0,
 }
 
 

@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import onnx_external
+from . import bounded, onnx_external
 from .errors import RsaDataError, UsageError
 
 if TYPE_CHECKING:
     import onnxruntime
+
+# Bytes of a protobuf message.
+_LARGEST = 2**31
 
 Device = Literal["auto", "cpu", "cuda"]
 
@@ -37,6 +40,15 @@ def open_session(
         # Tuned algorithms and TF32 would give other bits from run to run.
         settings = {"cudnn_conv_algo_search": "DEFAULT", "use_tf32": "0"}
         providers.insert(0, ("CUDAExecutionProvider", settings))
+    try:
+        bounded.check_file(path)
+        size = path.stat().st_size
+    except OSError as error:
+        raise RsaDataError(f"{path}: expected an ONNX model; found: {error.strerror}") from error
+    if size > _LARGEST:
+        raise RsaDataError(
+            f"{path}: expected an ONNX model, which has at most 2 GB; found {size:,} bytes"
+        )
     onnx_external.refuse(path)
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=providers)

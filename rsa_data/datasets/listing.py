@@ -13,6 +13,8 @@ from ..common.forms import is_path
 from ..store import schemas
 from .images import readable
 
+_DEEPEST = 40
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -118,6 +120,7 @@ def files_below(folder: Path) -> Iterator[tuple[str, list[str]]]:
                 continue
             seen.add((status.st_dev, status.st_ino))
         files, folders = entries(folder / below)
+        _check_depth(folder, below)
         yield below, files
         waiting += [f"{below}{name}/" for name in reversed(folders)]
 
@@ -131,10 +134,19 @@ def folders_with(folder: Path, *wanted: str) -> Iterator[str]:
     while waiting:
         below = waiting.pop()
         names = entries(folder / below)[1]
+        _check_depth(folder, below)
         if set(names).issuperset(wanted):
             yield below.rstrip("/")
         else:
             waiting += [f"{below}{name}/" for name in reversed(names)]
+
+
+def _check_depth(folder: Path, below: str) -> None:
+    """A server, or links that lead round, can show a folder in every folder."""
+    if below.count("/") > _DEEPEST:
+        raise RsaDataError(
+            f"{folder}: expected folders in at most {_DEEPEST} folders, found {below[:80]}..."
+        )
 
 
 def entries(folder: Path) -> tuple[list[str], list[str]]:

@@ -84,7 +84,15 @@ def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.nda
             f"depth model {model}: expected one map of depth; found an output of shape "
             f"{output.shape}. Is --depth-weights the file of this model?"
         )
-    return output.astype(np.float32).reshape(output.shape[-2:])
+    if output.dtype.kind not in "fiu":
+        raise RsaDataError(
+            f"depth model {model}: expected numbers; found an output of {output.dtype}. Is "
+            "--depth-weights the file of this model?"
+        )
+    found: np.ndarray = output.astype(np.float32).reshape(output.shape[-2:])
+    if not np.isfinite(found).any():
+        raise RowError(f"depth model {model}: expected numbers; found none that is finite")
+    return found
 
 
 Box = tuple[float, float, float, float]

@@ -3,6 +3,7 @@
 import html.parser
 import urllib.parse
 
+from ..common import forms
 from ..common.errors import RowError, RsaDataError, TransientError
 from ..common.http import PASSING, TRIES, client, hidden, is_address
 from ..common.requests import Answer, Asking, ask
@@ -69,18 +70,7 @@ class HttpFiles:
             return []
         if "html" not in answer.headers.get("Content-Type", ""):
             raise RsaDataError(f"{self._url(folder)}: expected a page of links, found a file")
-        page = _Links()
-        page.feed(answer.data.decode("utf-8", "replace"))
-        here = urllib.parse.urljoin(self._url(folder) + "/", answer.url)
-        found = set()
-        for link in page.links:
-            target = urllib.parse.urljoin(here, link)
-            name = urllib.parse.unquote(target.removeprefix(here))
-            # Neither up nor out, one step at a time, and not the links that sort the page.
-            inside = target.startswith(here) and name.strip("/") and "/" not in name[:-1]
-            if inside and "?" not in link and "#" not in link:
-                found.add(name)
-        return sorted(found)
+        return names(answer.data, urllib.parse.urljoin(self._url(folder) + "/", answer.url))
 
     def _url(self, path: str) -> str:
         return f"{self.location}/{urllib.parse.quote(path)}".rstrip("/")
@@ -109,6 +99,30 @@ class HttpFiles:
 
 
 _WAY_OUT = "name the files by --dataset-option file_list=FILE"
+
+
+def names(page: bytes, here: str) -> list[str]:
+    """Names of the files and folders that a page at the address `here` links to, sorted.
+
+    Neither up nor out, one step at a time, no links that sort the page, no names that a file
+    could not have.
+    """
+    links = _Links()
+    links.feed(page.decode("utf-8", "replace"))
+    found = set()
+    for link in links.links:
+        if "?" in link or "#" in link:
+            continue
+        try:
+            target = urllib.parse.urljoin(here, link)
+        except ValueError:  # such as half an address in brackets
+            continue
+        name = urllib.parse.unquote(target.removeprefix(here))
+        step = name.removesuffix("/")
+        one = "/" not in step and step not in ("", ".", "..") and forms.is_path(step)
+        if target.startswith(here) and one:
+            found.add(name)
+    return sorted(found)
 
 
 class _Links(html.parser.HTMLParser):

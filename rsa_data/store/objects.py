@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 
 import pyarrow as pa
 
-from ..common.errors import RsaDataError, TransientError
+from ..common import bounded
+from ..common.errors import RowError, RsaDataError, TransientError
 from ..common.extras import extras
 from .failpoints import failpoint
 
@@ -63,7 +64,16 @@ class ObjectStore:
         self.probed = False
 
     def read(self, path: str) -> bytes | None:
-        return self._ask("read", path, lambda: bytes(self.store.get(path).bytes()), missing=None)
+        return self._ask("read", path, lambda: self._whole(path), missing=None)
+
+    def _whole(self, path: str) -> bytes:
+        """An object, given up where it is over the limit `record`."""
+        parts, size = [], 0
+        for part in self.store.get(path).stream():
+            parts.append(bytes(part))
+            if (size := size + len(part)) > bounded.limit("record"):
+                raise RowError(str(bounded.over("record", size)))
+        return b"".join(parts)
 
     def head(self, path: str, most: int) -> bytes | None:
         """The first `most` bytes of the file, or None when there is none."""
@@ -165,7 +175,7 @@ class ObjectStore:
             try:
                 return request()
             except (errors.BaseError, OSError, ValueError) as error:
-                what = str(error).partition("\n\nDebug source")[0].strip()
+                what = str(error).partition("\n\nDebug source")[0].strip()[:500]
                 no_bucket = "NoSuchBucket" in what or "ContainerNotFound" in what
                 if isinstance(error, FileNotFoundError) and not no_bucket and "missing" in answers:
                     return answers["missing"]
@@ -214,14 +224,15 @@ def _open(scheme: str, location: str, option: str) -> Any:
             location,
             client_options={
                 "connect_timeout": timedelta(seconds=10),
-                "timeout": timedelta(minutes=10),
+                # Of one request in all, answer included.
+                "timeout": timedelta(seconds=bounded.limit("request")),
                 "read_timeout": timedelta(seconds=60),
                 "allow_http": endpoint.startswith("http://"),
             },
             retry_config={
                 "backoff": backoff,
                 "max_retries": TRIES - 1,
-                "retry_timeout": timedelta(minutes=4),
+                "retry_timeout": timedelta(seconds=2 * bounded.limit("request")),
             },
             **given,
         )
