@@ -152,6 +152,7 @@ class Run:
             self._measure(p, relative_map(source, photo.name, (height, width)))
         if segments is not None:
             p.objects = seen(segments, p.depth)
+            p.notes += [] if p.objects else ["no objects were found"]
 
     def _with_map(self, p: Prediction) -> Prediction:
         """Depth of a map without its photo."""

@@ -69,7 +69,7 @@ class Page:
             with part("Points in metres: drag to turn"):
                 with ui.element("div").classes("w-full").style(f"height:{TALL}px") as place:
                     self.space = ui.scene(width=400, height=TALL, grid=False).classes("w-full")
-                self.space_empty = empty("Appears with the depth.", place)
+                self.space_empty = empty("Appears with the depth.", place).classes("text-black")
         with ui.element("div").style(GRID):
             with part("Distances"):
                 self.ruler.build()

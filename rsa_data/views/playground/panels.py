@@ -34,7 +34,7 @@ class Panel:
     """A picture, with a text in its place until there is one."""
 
     def __init__(self, text: str, **more: Any):
-        with ui.element("div").classes("grow").style("min-width:0") as place:
+        with ui.element("div").classes("w-full grow").style("min-width:0") as place:
             self.image = ui.interactive_image(size=(400, TALL), **more).classes("w-full")
         self.text = empty(text, place)
 
