@@ -1,7 +1,7 @@
 """Models and tokenizers from folders of transformers: local files, safetensors, nothing missing."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,9 @@ import numpy as np
 
 from .errors import RsaDataError
 from .forms import is_path
-from .tokenizers import Ids
+
+Ids = Sequence[Sequence[int]]
+"""Tokens of each text, start and end included, cut at what the encoder reads."""
 
 # What a folder may hold that decides features. Pickled weights (.bin, .pt) are not among them, and
 # neither is code.

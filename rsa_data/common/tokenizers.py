@@ -17,9 +17,6 @@ from .errors import RsaDataError
 # More tokens than any encoder reads.
 Limit = Annotated[int, msgspec.Meta(ge=1, le=2**14)]
 
-Ids = Sequence[Sequence[int]]
-"""Tokens of each text, start and end included, cut at what the encoder reads."""
-
 
 @dataclass(frozen=True)
 class Tokenizer:

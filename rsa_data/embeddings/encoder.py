@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
-from ..common.tokenizers import Ids as Ids
+from ..common.pretrained import Ids as Ids
 
 if TYPE_CHECKING:
     import torch
