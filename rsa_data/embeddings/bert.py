@@ -82,7 +82,8 @@ class Bert(nn.Module):
         x = self.norm(self.words(ids) + self.positions[: ids.shape[1]])  # (b, t, width)
         for layer in self.layers:
             x = layer(x, read[:, None, None])
-        return x
+        encoded: torch.Tensor = x
+        return encoded
 
 
 # Names in checkpoints -> names here. Attention's three matrices are joined, see `load`.

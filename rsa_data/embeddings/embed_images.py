@@ -107,7 +107,7 @@ def encode(
 ) -> np.ndarray:
     """Features of a few images, uint8 (h, w, 3), RGB: float32 (n, dim)."""
     model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
-    run = runtimes.in_torch(model.module, "float32", "cpu")
+    run = in_torch(model.module, "float32", "cpu")
     features = np.zeros((len(images), model.dim), np.float32)
     pixels = np.stack([model.prepare(image) for image in images])
     for rows, found in run(iter([(np.arange(len(images)), {"pixels": pixels})])):

@@ -29,18 +29,18 @@ class Pixels:
     @cached_property
     def difference(self) -> np.ndarray:
         """pred - gt, m."""
-        return self.pred - self.gt
+        return np.asarray(self.pred - self.gt)
 
     @cached_property
     def ratio(self) -> np.ndarray:
         """max(gt / pred, pred / gt)."""
         ratio = self.pred / self.gt
-        return np.maximum(ratio, 1.0 / ratio)
+        return np.asarray(np.maximum(ratio, 1.0 / ratio))
 
     @cached_property
     def log(self) -> np.ndarray:
         """ln pred - ln gt."""
-        return np.log(self.pred) - np.log(self.gt)
+        return np.asarray(np.log(self.pred) - np.log(self.gt))
 
 
 @dataclass(frozen=True)

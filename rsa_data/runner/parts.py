@@ -28,7 +28,8 @@ def build_step(job: Job) -> Step:
         given["root"] = open_root(job.root) if job.root else None
     if "images" in known:
         given["images"] = _images(job)
-    return options.call(build, **given, **job.options)
+    step: Step = options.call(build, **given, **job.options)
+    return step
 
 
 def _images(job: Job) -> list[str]:

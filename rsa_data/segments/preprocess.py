@@ -44,7 +44,7 @@ class Geometry:
         """Boxes x1 y1 x2 y2 in px of the input -> float64 in px of the image, not clipped."""
         x, y = self.width / self.used_width, self.height / self.used_height
         before = np.tile([self.left, self.top], 2)
-        return (np.asarray(box, np.float64) - before) * [x, y, x, y]
+        return np.asarray((np.asarray(box, np.float64) - before) * [x, y, x, y])
 
 
 Preprocess = Callable[[np.ndarray], tuple[np.ndarray, Geometry]]

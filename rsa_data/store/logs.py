@@ -79,9 +79,10 @@ def rate(events: list[dict[str, Any]]) -> float | None:
         return None
     try:
         begun, ended = (_seconds(event["time"]) for event in (events[0], parts[-1]))
-        longest = max(event["seconds"] for event in parts)
+        longest: float = max(event["seconds"] for event in parts)
         # Times are whole seconds: a short run lasted at least as long as its longest part.
-        return sum(event["rows"] for event in parts) / max(ended - begun, longest, 1e-3)
+        rows: float = sum(event["rows"] for event in parts)
+        return rows / max(ended - begun, longest, 1e-3)
     except (KeyError, TypeError, ValueError, OverflowError):  # a log that somebody changed
         return None
 

@@ -168,7 +168,7 @@ class ObjectStore:
             )
         self.probed = True
 
-    def _ask(self, verb: str, path: str, request: Callable[[], T], **answers: Any) -> T:
+    def _ask(self, verb: str, path: str, request: Callable[[], T], **answers: T) -> T:
         """The answer to a request; `missing`, `taken`, `empty`: what 404, 412, 416 mean here."""
         errors = self.obstore.exceptions
         for again in range(_AGAIN):

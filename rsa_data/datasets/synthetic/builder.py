@@ -96,7 +96,15 @@ class Builder:
     def take(self, x: float, y: float, w: float, d: float) -> None:
         self.taken.append((x - w / 2, y - d / 2, x + w / 2, y + d / 2))
 
-    def stand(self, name, x, y, yaw=0.0, size=None, turn=False) -> bool:
+    def stand(
+        self,
+        name: str,
+        x: float,
+        y: float,
+        yaw: float = 0.0,
+        size: tuple[float, float, float] | None = None,
+        turn: bool = False,
+    ) -> bool:
         """Puts an object on the ground at x, y if its place is free, and takes the place.
 
         turn : the footprint lies across (yaw is a quarter turn). Tells whether it was put.

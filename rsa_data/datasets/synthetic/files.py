@@ -91,7 +91,8 @@ def write(root: Path, recipe: Recipe, world: World, units: int) -> None:
 
 def read_records(root: Path) -> list[dict[str, Any]]:
     """One record an image, of panoptic.json: split, key, width, height, camera."""
-    return json.loads((root / PANOPTIC).read_text("utf-8"))["images"]
+    records: list[dict[str, Any]] = json.loads((root / PANOPTIC).read_text("utf-8"))["images"]
+    return records
 
 
 def _claim(root: Path, recipe: Recipe) -> None:
@@ -118,7 +119,8 @@ def _claim(root: Path, recipe: Recipe) -> None:
 def _written_recipe(root: Path) -> dict[str, Any] | None:
     path = root / "recipe.json"
     try:
-        return json.loads(path.read_text("utf-8"))
+        recipe: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return recipe
     except FileNotFoundError:
         return None
     except ValueError as error:

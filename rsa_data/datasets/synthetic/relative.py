@@ -29,4 +29,4 @@ def relative_depth(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     coarse = rng.standard_normal((max(2, CELLS * h // w), CELLS), np.float32) * ERROR
     error = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_CUBIC)
     y = cv2.GaussianBlur(y.astype(np.float32) * (1 + error), (0, 0), 0.6)
-    return (FACTOR * y).astype(np.float32)
+    return np.asarray(FACTOR * y, np.float32)

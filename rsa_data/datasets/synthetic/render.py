@@ -95,7 +95,11 @@ def _local(
     return local[:, None, None], turned
 
 
-def _cast_box(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> tuple:
+Hit = tuple[np.ndarray, np.ndarray]
+"""Depth (h, w), inf where missed, and local normal (3, h, w)."""
+
+
+def _cast_box(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
     """Depth (h, w), inf where missed, and local normal (3, h, w): the slab method."""
     inverse = 1 / np.where(np.abs(rays) < 1e-9, np.float32(1e-9), rays)
     middle, reach = -origin * inverse, half * np.abs(inverse)
@@ -108,7 +112,7 @@ def _cast_box(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> tuple:
     return t, normal
 
 
-def _cast_ellipsoid(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> tuple:
+def _cast_ellipsoid(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
     """As _cast_box: the unit sphere after scaling by 1 / half."""
     o, d = origin / half, rays / half
     a, b, c = (d * d).sum(0), (o * d).sum(0), (o * o).sum(0) - 1
@@ -119,7 +123,7 @@ def _cast_ellipsoid(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> t
     return t, normal / np.maximum(np.sqrt((normal * normal).sum(0)), 1e-9)
 
 
-def _cast_gable(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> tuple:
+def _cast_gable(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
     """As _cast_box: clipping by the five faces of a triangular prism."""
     hx, hy, hz = half[:, 0, 0]
     length = np.hypot(2 * hz, hy)

@@ -109,7 +109,9 @@ def _camera(rng: np.random.Generator, w: float, d: float, h: float) -> Camera:
     return Camera(position, yaw, float(rng.uniform(-0.22, -0.02)), 208.0, 240, 180)
 
 
-def _wall_place(rng, w: float, d: float, width: float, depth: float):
+def _wall_place(
+    rng: np.random.Generator, w: float, d: float, width: float, depth: float
+) -> tuple[float, float, float, bool] | None:
     """A random place against a wall: x, y, yaw, lies across. None if the wall is too short."""
     side = int(rng.integers(4))
     across = side % 2 == 1
@@ -150,7 +152,7 @@ def _inside(b: Builder, name: str, w: float, d: float) -> None:
             return _on_top(b, name, size, x, y)
 
 
-def _on_top(b: Builder, name: str, size, x: float, y: float) -> None:
+def _on_top(b: Builder, name: str, size: tuple[float, float, float], x: float, y: float) -> None:
     """Small things on a table or a counter, a pillow on a bed."""
     if name in ("dining table", "counter", "cabinet") and size[2] < 1.2:
         for _ in range(b.rng.integers(0, 3)):

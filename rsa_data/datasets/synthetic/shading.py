@@ -54,7 +54,7 @@ def shade(
     canvas = np.ascontiguousarray(canvas.transpose(1, 2, 0))  # (h, w, 3)
     canvas = _smooth_edges(canvas, index)
     canvas += rng.standard_normal(index.shape, np.float32)[..., None] * 0.008
-    return (np.clip(canvas, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return np.asarray(np.clip(canvas, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
 def _contact(
@@ -88,7 +88,7 @@ def _sky(rays: np.ndarray) -> np.ndarray:
     """float32 of shape (3, h, w): pale at the horizon, blue above."""
     up = np.clip(rays[2] * 1.6, 0, 1) ** 0.7
     low, high = np.array([0.84, 0.89, 0.94]), np.array([0.42, 0.62, 0.88])
-    return (low[:, None, None] * (1 - up) + high[:, None, None] * up).astype(np.float32)
+    return np.asarray(low[:, None, None] * (1 - up) + high[:, None, None] * up, np.float32)
 
 
 def _smooth_edges(canvas: np.ndarray, index: np.ndarray) -> np.ndarray:

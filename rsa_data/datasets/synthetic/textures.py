@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def _planks(u, v):
+def _planks(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     row = np.floor(v / 0.14)
     joint = (np.mod(v, 0.14) < 0.008) | (np.mod(u + row * 0.37, 1.3) < 0.01)
     return np.where(
@@ -13,43 +13,45 @@ def _planks(u, v):
     )
 
 
-def _tiles(u, v):
+def _tiles(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.where((np.mod(u, 0.3) < 0.012) | (np.mod(v, 0.3) < 0.012), 0.80, 1.0)
 
 
-def _large_tiles(u, v):
-    return 0.92 + 0.08 * np.mod(np.floor(u / 0.9) + np.floor(v / 0.9), 2)
+def _large_tiles(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.asarray(0.92 + 0.08 * np.mod(np.floor(u / 0.9) + np.floor(v / 0.9), 2))
 
 
-def _bricks(u, v):
+def _bricks(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     row = np.floor(v / 0.12)
     joint = (np.mod(v, 0.12) < 0.018) | (np.mod(u + 0.14 * np.mod(row, 2), 0.28) < 0.018)
     return np.where(joint, 1.18, 0.9 + 0.16 * np.mod(row * 0.618 + np.floor(u / 0.28) * 0.414, 1))
 
 
-def _siding(u, v):
+def _siding(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.where(np.mod(v, 0.22) < 0.03, 0.86, 1.0)
 
 
-def _books(u, v):
+def _books(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     row = np.mod(v, 0.36)
     book = 0.55 + 0.6 * np.mod(np.floor(u / 0.05) * 0.618 + np.floor(v / 0.36) * 0.27, 1)
     return np.where(row > 0.29, 0.35, book)
 
 
-def _leaves(u, v):
-    return 0.86 + 0.17 * np.sin(9 * u + 4 * np.sin(5 * v)) * np.sin(8 * v + 3 * np.sin(7 * u))
+def _leaves(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    waves = np.sin(9 * u + 4 * np.sin(5 * v)) * np.sin(8 * v + 3 * np.sin(7 * u))
+    return np.asarray(0.86 + 0.17 * waves)
 
 
-def _asphalt(u, v):
-    return 0.97 + 0.05 * np.sin(3.1 * u + np.sin(1.7 * v)) * np.sin(2.3 * v + np.sin(2.9 * u))
+def _asphalt(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    waves = np.sin(3.1 * u + np.sin(1.7 * v)) * np.sin(2.3 * v + np.sin(2.9 * u))
+    return np.asarray(0.97 + 0.05 * waves)
 
 
-def _stripes(u, v):
-    return 0.88 + 0.12 * np.mod(np.floor(u / 0.12), 2)
+def _stripes(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.asarray(0.88 + 0.12 * np.mod(np.floor(u / 0.12), 2))
 
 
-def _facade(u, v):
+def _facade(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Windows of about 1.3 m by 1.5 m, 2.6 m apart, a storey every 3 m."""
     pane = (np.abs(np.mod(u, 2.6) - 1.3) < 0.62) & (np.abs(np.mod(v, 3.0) - 1.75) < 0.75)
     frame = (np.abs(np.mod(u, 2.6) - 1.3) < 0.72) & (np.abs(np.mod(v, 3.0) - 1.75) < 0.85)
@@ -57,7 +59,7 @@ def _facade(u, v):
     return np.where(pane, lit, np.where(frame, 1.15, 1.0))
 
 
-def _house_front(u, v):
+def _house_front(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """As _facade with wider gaps; v counts from the ground."""
     pane = (np.abs(np.mod(u, 3.2) - 1.6) < 0.6) & (np.abs(np.mod(v, 2.9) - 1.6) < 0.6)
     frame = (np.abs(np.mod(u, 3.2) - 1.6) < 0.72) & (np.abs(np.mod(v, 2.9) - 1.6) < 0.72)
@@ -65,7 +67,7 @@ def _house_front(u, v):
     return np.where(pane & ~bar, 0.42, np.where(frame, 1.2, 1.0))
 
 
-def _panes(u, v):
+def _panes(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.where((np.abs(u) < 0.03) | (np.mod(v, 0.7) < 0.03), 0.72, 1.0 + 0.06 * v)
 
 

@@ -36,7 +36,7 @@ class Objects:
 
     @property
     def width(self) -> int:
-        return self.names.shape[1] + len(NUMBERS)
+        return int(self.names.shape[1]) + len(NUMBERS)
 
     @property
     def nbytes(self) -> int:
