@@ -207,9 +207,8 @@ def _open(scheme: str, location: str, option: str) -> Any:
     from_url: Any = store.from_url
 
     given: dict[str, Any] = {}
-    endpoint = ""
+    endpoint = next(filter(None, map(os.environ.get, _ENDPOINTS[scheme])), "")
     if scheme == "s3":
-        endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL", "")
         given |= {"endpoint": endpoint} if endpoint else {}
         given |= _s3_credentials(location, option)
     elif option == "--root" and not _has_credentials(scheme):
@@ -239,6 +238,13 @@ def _open(scheme: str, location: str, option: str) -> Any:
     except (exceptions.BaseError, ValueError) as error:
         raise RsaDataError(f"{option} {location}: {str(error).splitlines()[0]}") from error
 
+
+# Variables with the address of a server of the user's own, which may do without TLS.
+_ENDPOINTS = {
+    "s3": ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"),
+    "gs": ("GOOGLE_BASE_URL",),
+    "az": ("AZURE_STORAGE_ENDPOINT",),
+}
 
 _S3_VARIABLES = (
     "AWS_ACCESS_KEY_ID",

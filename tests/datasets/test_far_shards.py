@@ -5,11 +5,14 @@ import http.server
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
+import tarfile
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shard_files import TABLES, TAR, as_parquet, as_tars, frames, tables
 from weather import weather_before
@@ -191,3 +194,33 @@ def test_tars_of_a_data_set_of_the_hub(tmp_path, expected):
 def test_other_addresses_of_the_hub_are_refused(place):
     with pytest.raises(RsaDataError, match="expected hf://datasets/OWNER/NAME"):
         open_root(place)
+
+
+def test_tars_that_img2dataset_wrote(tmp_path, site):
+    """Runs where the command img2dataset is on the PATH (it wants other packages than this one)."""
+    command = shutil.which("img2dataset")
+    if command is None:
+        pytest.skip("img2dataset is not installed")
+    good = {key: parts["png"] for key, parts in frames().items() if key != "scene0/0003"}
+    addresses = []
+    for key, data in good.items():
+        (site[0] / f"{key[-4:]}.png").write_bytes(data)
+        addresses.append(f"http://127.0.0.1:{site[1].server_address[1]}/{key[-4:]}.png")
+    (tmp_path / "urls.txt").write_text("\n".join(addresses))
+    words = ["--url_list", tmp_path / "urls.txt", "--output_folder", tmp_path / "out"]
+    words += ["--output_format=webdataset", "--resize_mode=no", "--encode_format=png"]
+    words += ["--encode_quality=1", "--processes_count=1", "--number_sample_per_shard=4"]
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    subprocess.run([command, *map(str, words)], check=True, env=environment, timeout=300)
+    rows = webdataset().index(tmp_path / "out", None).to_pylist()
+    assert len(rows) == len(good)
+    found = {}
+    for row in rows:
+        shard, _, name = row["image"].split("#")
+        with tarfile.open(tmp_path / "out" / shard) as tar:
+            about = json.load(tar.extractfile(name.replace(".png", ".json")))
+        found[about["url"][-8:-4]] = images.read_image(tmp_path / "out" / row["image"])
+    for key in good:
+        np.testing.assert_array_equal(
+            found[key[-4:]], images.read_image(site[0] / f"{key[-4:]}.png")
+        )

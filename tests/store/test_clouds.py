@@ -1,0 +1,147 @@
+"""Work dirs in Azure, against its emulator; stores that do not create conditionally are refused.
+
+Azurite is `npm install azurite`; the test looks for the command `azurite-blob`.
+"""
+
+import base64
+import email.utils
+import hashlib
+import hmac
+import http.server
+import shutil
+import socket
+import subprocess
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+import rooms
+
+from rsa_data.common.errors import RsaDataError
+from rsa_data.runner import runs, verify
+from rsa_data.store.objects import ObjectStore
+from rsa_data.store.stores import open_store
+from rsa_data.store.tables import Description, WorkDir
+
+# The account of every emulator, published by Microsoft.
+ACCOUNT = "devstoreaccount1"
+KEY = "Eby8vdM02xNOcqFlqUwJPLlmEtlCDXJ1OUzFT50uSRZ6IFsuFq2UVErCz4I6tq/K1SZFPTOtr/KBHBeksoGMGw=="
+
+
+def make_container(address: str) -> None:
+    """PUT /ACCOUNT/container, signed as the service wants it (Shared Key, 2021-12-02)."""
+    date = email.utils.formatdate(usegmt=True)
+    headers = f"x-ms-date:{date}\nx-ms-version:2021-12-02"
+    text = "PUT" + "\n" * 12 + f"{headers}\n/{ACCOUNT}/{ACCOUNT}/container\nrestype:container"
+    made = hmac.new(base64.b64decode(KEY), text.encode(), hashlib.sha256).digest()
+    request = urllib.request.Request(
+        f"{address}/container?restype=container",
+        method="PUT",
+        headers={
+            **dict(line.split(":", 1) for line in headers.splitlines()),
+            "Authorization": f"SharedKey {ACCOUNT}:{base64.b64encode(made).decode()}",
+            "Content-Length": "0",
+        },
+    )
+    with urllib.request.urlopen(request, timeout=10) as answer:
+        assert answer.status == 201
+
+
+@pytest.fixture
+def azure(monkeypatch):
+    """The address of a container in the emulator."""
+    pytest.importorskip("obstore")
+    command = shutil.which("azurite-blob")
+    if command is None:
+        pytest.skip("azurite-blob is not installed")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    words = [command, "--inMemoryPersistence", "--skipApiVersionCheck", "--blobHost", "127.0.0.1"]
+    with subprocess.Popen(
+        [*words, "--blobPort", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as server:
+        try:
+            address = f"http://127.0.0.1:{port}/{ACCOUNT}"
+            for _ in range(60):
+                try:
+                    make_container(address)
+                    break
+                except urllib.error.URLError:
+                    time.sleep(0.5)
+            monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_NAME", ACCOUNT)
+            monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_KEY", KEY)
+            monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", address)
+            yield f"az://container/work{port}"
+        finally:
+            server.terminate()
+
+
+def test_a_work_dir_in_azure(azure, tmp_path):
+    store = open_store(azure)
+    assert store.read("a") is None and store.list("") == []
+    store.write("a/b.json", b"one")
+    assert store.create("a/e", b"3") and not store.create("a/e", b"4") and store.create("a/e", b"3")
+    assert store.list("") == ["a/"] and store.list("a") == ["b.json", "e"]
+    assert store.size("a/b.json") == 3 and store.open("a/b.json").read() == b"one"
+    store.delete("a/b.json")
+    store.delete("a/b.json")
+    made = {}
+    for place in (azure, tmp_path):
+        work = rooms.made(place, parts=2)
+        assert runs.run(rooms.captions_job(work), bar=rooms.NoBar).done == 2
+        assert runs.run(rooms.captions_job(work), bar=rooms.NoBar).done == 0
+        assert verify.verify(work, lambda text: None) == 0
+        table = work.table("rooms", "captions/occupancy")
+        made[str(place)] = [table.receipt(number) for number in table.parts()]
+    assert made[azure] == made[str(tmp_path)]
+
+
+class Careless(http.server.BaseHTTPRequestHandler):
+    """A server of S3 that puts every object, whatever the condition."""
+
+    protocol_version = "HTTP/1.1"
+
+    def do_PUT(self) -> None:
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(200)
+        self.send_header("ETag", '"0"')
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def do_HEAD(self) -> None:
+        self.send_response(404)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+def test_a_store_that_replaces_what_is_there_is_refused_for_a_work_dir(monkeypatch):
+    pytest.importorskip("obstore")
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Careless) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_address[1]}"
+        monkeypatch.setenv("AWS_ENDPOINT_URL_S3", address)
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
+        monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        description = Description(stage="x", schema="captions")
+        with pytest.raises(RsaDataError, match="creates an object only where there is none"):
+            WorkDir("s3://careless/x").table("a", "b").bind(description)
+        server.shutdown()
+
+
+@pytest.mark.parametrize("place", ["az://", "gs:///x"])
+def test_a_container_must_be_named(place):
+    with pytest.raises(RsaDataError, match=f"{place}: expected {place[:2]}://"):
+        ObjectStore(place)
+
+
+@pytest.mark.parametrize("place", ["https://example.org/x", "hf://datasets/a/b@" + "c" * 40])
+def test_a_work_dir_is_written(place):
+    with pytest.raises(RsaDataError, match="expected a place that can be written"):
+        open_store(place)
