@@ -105,7 +105,7 @@ def attacks(world: World) -> Iterator[Attack]:
         )
 
     yield Attack(
-        "control: a good server", words("good"), may=CONTAINED | ACCEPTED, says="2 samples ok"
+        "control: a good server", words("good"), may=CONTAINED | ACCEPTED, says="3 samples ok"
     )
     # Another origin may hold an image as well as this one: no key goes there. What has no length
     # may be whole.
