@@ -37,6 +37,9 @@ CHANGES: dict[str, tuple[dict[str, Any], int]] = {
     "half deleted": (_NONE | {"delete": 0.5}, 1),
     "a fifth replaced": (_NONE | {"replace": 0.2}, 1),
     "half replaced": (_NONE | {"replace": 0.5}, 1),
+    # Row 8 of the paper's table 5: indoor described as outdoor, and the reverse.
+    "described as the other domain": (_NONE | {"replace": 1.0}, 1),
+    "all replaced in the domain": (_NONE | {"replace": 1.0, "domain": "own"}, 1),
     "1 wrong added": (_NONE | {"insert": 1}, 1),
     "3 wrong added": (_NONE | {"insert": 3}, 1),
     "things only": ({"objects": "things"}, 0),
@@ -138,10 +141,12 @@ def robustness_methods(
         **work.table(source.dataset, source.inputs[0].table).description().options,
         encoder_weights=weights,
     )
-    wrong = "street" if max_depth <= _INDOOR_METRES else "indoor"
+    own, wrong = ("indoor", "street") if max_depth <= _INDOOR_METRES else ("street", "indoor")
     methods = {}
     for name, (change, variant) in CHANGES.items():
         options = {**captions.options, "domain": wrong, "seed": seed, **change}
+        if options["domain"] == "own":
+            options["domain"] = own
         writer = write.build(**options | {"variants": variant + 1})
         edit = _nothing if name == "nothing found" else _as_found
         described = partial(_described, writer, edit, segments, variant)
