@@ -10,7 +10,7 @@ from ..datasets import index
 from ..datasets.roots import is_remote
 from ..store.names import check_dataset_name, is_name
 from ..store.tables import WorkDir
-from . import jobs, limits, runs, stages
+from . import jobs, limits, runs, selection, stages
 from . import plan as planning
 from .engines.pool import EngineOptions
 from .jobs import Job
@@ -191,7 +191,7 @@ def chain(
     before = replace(how, start_over=False)
     first = first or begin(work, configured, dataset, wanted)
     if first is None and table in there:
-        numbers = set(runs.select(work, dataset, how.split, how.part_range))
+        numbers = set(selection.select(work, dataset, how.split, how.part_range))
         if not numbers <= set(work.table(dataset, table).parts()):
             _run(jobs.job_of(work, dataset, table), before)
     else:

@@ -9,7 +9,7 @@ import pyarrow.compute as pc
 from ..common.units import duration, size
 from ..store.encoding import encoded
 from ..store.tables import WorkDir
-from . import fingerprints, runs
+from . import fingerprints, selection
 from . import parts as steps
 from .jobs import Job
 
@@ -45,8 +45,8 @@ def plan(
     Raises RsaDataError as a run would: for missing inputs, models, or options that do not fit.
     """
     work, output = WorkDir(job.work), job.table(job.output)
-    numbers = runs.select(work, job.dataset, split, part_range)
-    runs.need_inputs(job, numbers)
+    numbers = selection.select(work, job.dataset, split, part_range)
+    selection.need_inputs(job, numbers)
     description = fingerprints.describe(job)
     todo = numbers
     if output.exists():
