@@ -153,15 +153,18 @@ HEADS = Entries(
 )
 
 # Row stages, in the order data flows; see runner/stage.py.
-STAGES = {
-    "detect": "rsa_data.segments.detect:STAGE",
-    "captions": "rsa_data.captions.write:STAGE",
-    "embed": "rsa_data.embeddings.embed:STAGE",
-    "embed-images": "rsa_data.embeddings.embed_images:STAGE",
-    "embed-objects": "rsa_data.embeddings.objects:STAGE",
-    "embed-proposals": "rsa_data.embeddings.proposals:STAGE",
-    "depth": "rsa_data.depth.measure:STAGE",
-}
+STAGES = Entries(
+    "stages",
+    {
+        "detect": "rsa_data.segments.detect:STAGE",
+        "captions": "rsa_data.captions.write:STAGE",
+        "embed": "rsa_data.embeddings.embed:STAGE",
+        "embed-images": "rsa_data.embeddings.embed_images:STAGE",
+        "embed-objects": "rsa_data.embeddings.objects:STAGE",
+        "embed-proposals": "rsa_data.embeddings.proposals:STAGE",
+        "depth": "rsa_data.depth.measure:STAGE",
+    },
+)
 
 # Steps of a pipeline file that work on whole tables, after the row stages.
 STEPS = {
@@ -172,10 +175,13 @@ STEPS = {
 }
 
 # Worker pools; see runner/engines/pool.py.
-ENGINES = {
-    "local": "rsa_data.runner.engines.local:Processes",
-    "ray": "rsa_data.runner.engines.ray:Actors",
-}
+ENGINES = Entries(
+    "engines",
+    {
+        "local": "rsa_data.runner.engines.local:Processes",
+        "ray": "rsa_data.runner.engines.ray:Actors",
+    },
+)
 
 # Where work dirs and roots may lie, by the scheme of the address; folders need none.
 STORES = Entries(

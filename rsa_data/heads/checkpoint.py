@@ -84,6 +84,7 @@ class ScaleHead:
                 "`rsa-data train-head` writes one to WORK/heads/NAME."
             )
         about = forms.read(text, f"{path}/head.json")
+        about.check_digest(f"{path}/head.json")
         where = f"{path}/head.safetensors"
         size = store.size("head.safetensors")
         if size is None or size > MAX_BYTES:
@@ -136,7 +137,7 @@ class ScaleHead:
         """What a head's folder holds; head.json last, with the sha256 of the weights in it."""
         weights = self.weights()
         about = msgspec.structs.replace(self.about, weights=hashlib.sha256(weights).hexdigest())
-        return {"head.safetensors": weights, "head.json": to_json(about.plain())}
+        return {"head.safetensors": weights, "head.json": to_json(about.sealed().plain())}
 
     def save(self, store: Store, folder: str) -> None:
         """Writes head.safetensors, then head.json: with it the head is complete."""

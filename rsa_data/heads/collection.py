@@ -11,9 +11,14 @@ from .description import parse
 
 
 def names(work: WorkDir) -> list[str]:
-    """Names of the finished heads."""
+    """Names of the heads, but for those whose training has not ended."""
     names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
-    return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
+    return [name for name in names if _ended(work.store.list(f"heads/{name}"))]
+
+
+def _ended(files: list[str]) -> bool:
+    weights = "head.safetensors" in files and "checkpoint.safetensors" not in files
+    return "head.json" in files or weights
 
 
 def state(work: WorkDir, name: str) -> str:

@@ -8,6 +8,7 @@ from msgspec import UNSET, UnsetType
 from ..common.errors import RsaDataError
 from ..common.typed import Count, convert
 from ..common.typed import parse as parse_json
+from ..store.encoding import fingerprint
 
 FORMAT = 1
 
@@ -107,7 +108,7 @@ class Description(msgspec.Struct, kw_only=True, frozen=True):
     architecture : registry name, and further arguments of its constructor.
     weights : sha256 of head.safetensors. training : fingerprint of the description (the file that
         says what a training follows from) under which the head was trained.
-    history : sha256 of history.parquet.
+    history : sha256 of history.parquet. digest : of all the rest of this file.
     segments, captions : by dataset, the table of segments and the options of its captions, so that
         new images are described in the same way. options : of train-head.
     far, prior : see `predict.calibration`.
@@ -131,6 +132,22 @@ class Description(msgspec.Struct, kw_only=True, frozen=True):
     weights: str | UnsetType = UNSET
     training: str | UnsetType = UNSET
     history: str | UnsetType = UNSET
+    digest: str | UnsetType = UNSET
+
+    def sealed(self) -> "Description":
+        """The same with its digest."""
+        return msgspec.structs.replace(self, digest=self._digest())
+
+    def check_digest(self, where: str) -> None:
+        """Raises RsaDataError when the file was changed after it was written."""
+        if self.digest and self.digest != self._digest():
+            raise RsaDataError(
+                f"{where}: changed since it was written: expected the digest {self.digest}, found "
+                f"{self._digest()}. Train or import the head again"
+            )
+
+    def _digest(self) -> str:
+        return fingerprint(msgspec.structs.replace(self, digest=UNSET).plain())
 
     @property
     def name(self) -> str:
