@@ -7,6 +7,7 @@ import pytest
 from rsa_data import registry
 from rsa_data.cli import main
 from rsa_data.common.errors import UsageError
+from rsa_data.common.extras import extras
 from rsa_data.runner import stages
 from rsa_data.runner.stage import GIVEN
 
@@ -52,7 +53,7 @@ def test_unknown_names_get_the_nearest():
 
 
 def test_a_missing_extra_prints_its_pip_line():
-    with pytest.raises(Exception, match=r'pip install "rsa-data\[ray\]"'), registry.extras("ray"):
+    with pytest.raises(Exception, match=r'pip install "rsa-data\[ray\]"'), extras("ray"):
         raise ModuleNotFoundError(name="ray")
 
 

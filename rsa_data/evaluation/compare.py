@@ -8,6 +8,7 @@ import pandas as pd
 import pyarrow as pa
 
 from ..heads.belong import Tables
+from ..store.names import comparison_folder
 from ..store.tables import WorkDir
 from . import breakdown, formats, output, paired, plots
 from .constants import fit_constants
@@ -129,7 +130,7 @@ def compare(
         told = "AbsRel of each row less that of text, on the same images [95% interval by scene]:"
         extra = ["\n".join([told, *(row.line for row in apart)]), *extra]
     bars, lines = _error_bars(work, text, names, ranges, split)
-    folder = f"comparisons/{name}"
+    folder = comparison_folder(name)
     texts = {
         "summary.txt": "\n\n".join(["\n".join([*said, formats.text(rows)]), *extra, *lines]),
         "summary.md": formats.markdown(rows) + "\n" + "\n\n".join(extra + lines) + "\n",

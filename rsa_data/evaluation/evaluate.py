@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from ..common.errors import UsageError
 from ..heads.belong import Tables
+from ..store.names import head_folder
 from ..store.tables import WorkDir
 from . import output
 from .breakdown import by_description
@@ -80,9 +81,10 @@ def evaluate(
     if compare not in (None, "paper"):
         raise UsageError(f"--compare: expected paper, found {compare!r}")
     protocol, split = measuring.protocol, measuring.split
-    now = output.heads_now(work, (head, *beside))
+    folders = {name: head_folder(name) for name in (head, *beside)}
+    now = output.heads_now(work, folders)
     heads = {
-        name: ScaleHead.load(f"{work.store.location}/heads/{name}") for name in (head, *beside)
+        name: ScaleHead.load(f"{work.store.location}/{place}") for name, place in folders.items()
     }
     about = heads[head].about
     names = with_split(work, datasets, split)

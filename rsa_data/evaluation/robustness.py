@@ -14,6 +14,7 @@ from ..common.options import accepts_old_names
 from ..heads.belong import Source, Tables
 from ..heads.inputs.kinds import Feed, find
 from ..store import schemas
+from ..store.names import head_folder
 from ..store.tables import WorkDir
 from . import output
 from .evaluate import Evaluation
@@ -82,7 +83,7 @@ def robustness(
 
     protocol, split = measuring.protocol, measuring.split
     now = output.heads_now(work, (head,))
-    loaded = ScaleHead.load(f"{work.store.location}/heads/{head}")
+    loaded = ScaleHead.load(f"{work.store.location}/{head_folder(head)}")
     if loaded.about.control != "none":
         raise UsageError(f"--head {head}: a control does not read the description")
     names = with_split(work, datasets, split)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..common.errors import RsaDataError
+from ..store.names import head_folder
 from ..store.tables import WorkDir
 from .description import FORMAT, DepthModel, Description, Features, Imported
 
@@ -160,7 +161,7 @@ def import_head(
     Returns that folder and the head's description. A head that is there already is left as it is.
     """
     head = read_released(file)
-    folder = f"heads/{name or file.stem}"
+    folder = head_folder(name or file.stem)
     if work.store.size(f"{folder}/head.json") is not None:
         raise RsaDataError(
             f"{work.store.location}/{folder}: there is a head of this name already; it was left "

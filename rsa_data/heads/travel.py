@@ -15,6 +15,7 @@ from ..common import http
 from ..common.errors import RsaDataError, UsageError
 from ..common.files import write
 from ..common.model_files import download
+from ..store.names import head_folder
 from ..store.tables import WorkDir, to_json
 from .card import model_card
 
@@ -36,7 +37,7 @@ def export_head(work: WorkDir, name: str, place: Path) -> list[Path]:
 
     from .checkpoint import ScaleHead
 
-    folder = f"{work.store.location}/heads/{name}"
+    folder = f"{work.store.location}/{head_folder(name)}"
     head = ScaleHead.load(folder)
     data = work.store.read(f"heads/{name}/head.safetensors") or b""
     about = {**head.description, "weights": hashlib.sha256(data).hexdigest()}

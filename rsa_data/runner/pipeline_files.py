@@ -224,7 +224,8 @@ def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
         if any(_makes_for(configured, later) for later in entry.stages.values()):
             continue  # it runs as the first half of that stage, where that one needs it
         reads = configured.stage.reads
-        first = None if reads is None else _maker(entry, reads.kind)
+        kind = None if reads is None else reads.kind
+        first = next((s for s in entry.stages.values() if s.stage.kind == kind), None)
         if reads is None or reads.made_first:
             chains.chain(work, configured, entry.name, how, root=root, first=first)
         else:
@@ -235,11 +236,6 @@ def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
 def _makes_for(configured: ConfiguredStage, later: ConfiguredStage) -> bool:
     reads = later.stage.reads
     return reads is not None and reads.made_first and reads.kind == configured.stage.kind
-
-
-def _maker(entry: DatasetEntry, kind: str) -> ConfiguredStage | None:
-    """The stage of the file that makes tables KIND/..., if one does."""
-    return next((s for s in entry.stages.values() if s.stage.kind == kind), None)
 
 
 def described() -> list[tuple[str, str]]:

@@ -38,3 +38,13 @@ def check_dataset_name(name: str) -> str:
             f"itself; found {name!r}"
         )
     return name
+
+
+def head_folder(name: str) -> str:
+    """The folder of a head in a work dir; raises UsageError, see `check_name`."""
+    return f"heads/{check_name('head', name)}"
+
+
+def comparison_folder(name: str) -> str:
+    """The folder of a comparison in a work dir; raises UsageError, see `check_name`."""
+    return f"comparisons/{check_name('comparison', name)}"

@@ -4,7 +4,7 @@ import pytest
 from click.testing import CliRunner
 
 from rsa_data.cli.main import cli
-from rsa_data.common.errors import UsageError
+from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.store.names import check_dataset_name, is_name
 from rsa_data.store.tables import WorkDir
 
@@ -65,3 +65,21 @@ def test_datasets_stay_inside(tmp_path, name):
     result = CliRunner().invoke(cli, [*words, "--work", str(work)])
     assert isinstance(result.exception, UsageError), result.output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["images"]
+
+
+@pytest.mark.parametrize("name", ["../esc", "a/b", "..", "", "_x"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["train-head", "--name"],
+        ["evaluate", "--head"],
+        ["robustness", "--head"],
+        ["compare", "--name"],
+        ["import-head", "nowhere.pt", "--name"],
+    ],
+)
+def test_heads_and_comparisons_stay_inside(tmp_path, words, name):
+    (tmp_path / "work").mkdir()
+    result = CliRunner().invoke(cli, [*words, name, "--work", str(tmp_path / "work")])
+    assert isinstance(result.exception, RsaDataError), result.output
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["work"]

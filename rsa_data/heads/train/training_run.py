@@ -12,6 +12,7 @@ import torch
 from ... import registry
 from ...common.errors import RsaDataError
 from ...store.failpoints import failpoint
+from ...store.names import head_folder
 from ...store.tables import Table, WorkDir, fingerprint
 from .. import description as forms
 from ..architectures.layers import Head
@@ -31,7 +32,7 @@ def run(
     work: WorkDir, plan: Plan, bar: Callable[[str, int], Any] | None, start_over: bool
 ) -> Trained:
     """Trains, or continues training, and writes the head; returns at once when it is there."""
-    store, folder = work.store, f"heads/{plan.name}"
+    store, folder = work.store, head_folder(plan.name)
     table = work.table("heads", plan.name)
     if start_over:
         for file in _FILES:

@@ -15,6 +15,7 @@ from ...evaluation.inputs import TestPart
 from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
 from ...segments.segments import Segments
+from ...store.names import head_folder
 from ...store.tables import WorkDir
 from .lineage import head_description, head_names
 from .words import spread
@@ -209,7 +210,7 @@ def _head_for(work: WorkDir, dataset: str, names: list[str], wanted: str | None)
     if not ranked:
         return None
     _, name, embeddings, text = min(ranked, key=lambda r: r[:2])
-    head = ScaleHead.load(f"{work.store.location}/heads/{name}")
+    head = ScaleHead.load(f"{work.store.location}/{head_folder(name)}")
     return _Head(name, head, embeddings, text)
 
 
