@@ -129,7 +129,8 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
     from ... import registry
 
     model = about.get("depth_model") or {}
-    own = model.get("model")
+    # The table may have another label than its model.
+    own = (model.get("options") or {}).get("depth_model") or model.get("model")
     if not about or own is None:
         if about and models.depth_model is None:
             raise UsageError(

@@ -13,6 +13,7 @@ from ... import registry
 from ...common.errors import RsaDataError
 from ...store.failpoints import failpoint
 from ...store.names import head_folder
+from ...store.tables import Description as TableDescription
 from ...store.tables import Table, WorkDir, fingerprint
 from .. import description as forms
 from ..architectures.layers import Head
@@ -193,7 +194,7 @@ def describe(
             )
             for i, name in enumerate(names)
         },
-        segments={name: about.inputs[0] for name, about in captions.items()},
+        segments={name: _source(work, name, about) for name, about in captions.items()},
         captions={name: about.options for name, about in captions.items()},
         options=plan.options,
         validation=Validation(
@@ -202,3 +203,11 @@ def describe(
         ),
         epochs_run=len(state.history),
     )
+
+
+def _source(work: WorkDir, dataset: str, captions: TableDescription) -> str:
+    """segments/SOURCE of captions; what made their segments, whatever the label of the table."""
+    table = work.table(dataset, captions.inputs[0])
+    if not captions.inputs[0].startswith("segments/") or not table.exists():
+        return captions.inputs[0]
+    return f"segments/{table.description().options.get('source') or table.name.partition('/')[2]}"
