@@ -102,6 +102,7 @@ def _from_bytes(data: bytes, where: str) -> "ScaleHead":
     about = checked(parse(metadata[_JSON].encode(), where), where)
     # The digest in it is that of head.safetensors, whose header is another one.
     about.pop("weights", None)
+    about.pop("digest", None)
     return ScaleHead.from_tensors(tensors, about)
 
 
