@@ -117,7 +117,7 @@ def test_numbers_that_are_not_finite_are_refused(work, name):
     tensors[name].view(-1)[0] = float("inf")
     save_file(tensors, folder / "head.safetensors")
     about = json.loads((folder / "head.json").read_text())
-    del about["weights"]
+    del about["weights"], about["digest"]
     (folder / "head.json").write_text(json.dumps(about))
     with pytest.raises(RsaDataError, match="expected finite weights"):
         ScaleHead.load(folder)
