@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     from .evaluation.metrics import depth_errors as depth_errors
     from .heads.checkpoint import ScaleHead as ScaleHead
     from .heads.metric import to_metric as to_metric
+    from .views.notebook import embed_texts as embed_texts
+    from .views.notebook import open_work as open_work
+    from .views.notebook import predict_depth as predict_depth
+    from .views.notebook import write_captions as write_captions
+    from .views.torch_dataset import ShardDataset as ShardDataset
 
 # Imported when first used: torch takes seconds, `rsa-data --help` should not.
 _PUBLIC = {
@@ -18,8 +23,23 @@ _PUBLIC = {
     "to_metric": "rsa_data.heads.metric",
     "depth_errors": "rsa_data.evaluation.metrics",
     "RsaDataError": "rsa_data.common.errors",
+    "open_work": "rsa_data.views.notebook",
+    "write_captions": "rsa_data.views.notebook",
+    "embed_texts": "rsa_data.views.notebook",
+    "predict_depth": "rsa_data.views.notebook",
+    "ShardDataset": "rsa_data.views.torch_dataset",
 }
-__all__ = ["ScaleHead", "to_metric", "depth_errors", "RsaDataError"]
+__all__ = [
+    "open_work",
+    "write_captions",
+    "embed_texts",
+    "predict_depth",
+    "ShardDataset",
+    "ScaleHead",
+    "to_metric",
+    "depth_errors",
+    "RsaDataError",
+]
 
 
 def __getattr__(name: str) -> Any:

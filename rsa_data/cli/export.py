@@ -18,12 +18,19 @@ from .shared import work_option
 def export(work: str, out: Path, **options: Any) -> None:
     """Write captions and features as a dataset.
 
-    Hugging Face `datasets` loads it; a data card is written beside it.
+    For Hugging Face `datasets`, other readers of Parquet, or WebDataset; a data card is written
+    beside it. With --depth, fitted scale and shift and the pixels of relative and metric depth.
 
     \b
       rsa-data export --format hf --out nyu-captions
+      rsa-data export --format webdataset --depth depth-anything-v2-small --pictures --out shards
     """
     counts = call(run, WorkDir(work), out=out, **options)
     for name, rows in counts.items():
-        click.echo(f"{name}: {rows:,} rows")
-    click.echo(f"{out}: load_dataset({str(out)!r}, {next(iter(counts)).split('/')[0]!r})")
+        click.echo(f"{name}: {rows:,} {'images' if options['format'] == 'webdataset' else 'rows'}")
+    if options["format"] == "hf":
+        click.echo(f"{out}: load_dataset({str(out)!r}, {next(iter(counts)).split('/')[0]!r})")
+    else:
+        click.echo(f"{out}: README.md says what it holds")
+    if options["push"]:
+        click.echo(f"uploaded to {options['push']}")

