@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from evaluated import FAST, images
+from flat import train_head
 
 from rsa_data.cli.main import cli
 from rsa_data.evaluation.evaluate import evaluate
-from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 
 PAGE = (Path(__file__).parents[1] / "docs" / "reading.md").read_text("utf-8")

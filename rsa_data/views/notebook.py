@@ -230,13 +230,18 @@ def predict_depth(
     """
     from PIL import Image
 
-    from ..heads import belong
+    from ..heads.belong import encode
     from ..heads.checkpoint import ScaleHead
     from ..heads.metric import to_metric
-    from ..heads.predict import images
+    from ..heads.predict.choices import Models
+    from ..heads.predict.images import describer, relative_map, relative_source
 
     if not isinstance(head, ScaleHead):
         head = ScaleHead.load(os.fspath(head))
+    about = head.description
+    models = Models(
+        segments=segments, segmenter_weights=segmenter_weights, depth_weights=depth_weights
+    )
     with tempfile.TemporaryDirectory() as folder:
         if isinstance(image, np.ndarray):
             if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
@@ -248,14 +253,14 @@ def predict_depth(
             Image.fromarray(image).save(place)
         else:
             place = Path(image)
-        about = head.description
         if caption is None:
-            told = images.tell(about, place, [place.name], segments, segmenter_weights)
-            caption = told[0]
+            caption = describer(about, place.parent, models)(place.name)[1]
         if relative is None:
-            relative, _ = images.relative_of(about, place, place.name, None, depth_weights)
-    features = belong.encode(head.description["features"], [caption], encoder_weights)
-    scale, shift = head(features)
+            with Image.open(place) as opened:
+                size = opened.height, opened.width
+            source = relative_source(about, place.parent, models)
+            relative = relative_map(source, place.name, size)
+    scale, shift = head(encode(about["features"], [caption], encoder_weights))
     depth: np.ndarray = to_metric(np.asarray(relative), float(scale[0]), float(shift[0]))
     return depth
 

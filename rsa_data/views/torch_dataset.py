@@ -10,8 +10,9 @@ import torch
 from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
 from ..common.errors import RsaDataError, UsageError
-from ..heads import belong
-from ..heads.train.examples import Examples, Source, join, read_part
+from ..heads.belong import Source, Tables
+from ..heads.sources import sources
+from ..heads.train.examples import Examples, join, read_part
 from ..heads.train.validation_split import by_scene
 from ..store.tables import WorkDir
 
@@ -23,7 +24,7 @@ class ShardDataset(Dataset[Item]):
 
     Item i is a dict of
 
-    - feature : float32 (dim,), raw, of one caption of the image (`variant`);
+    - feature : float32 (dim,), raw, of the image's plain caption;
     - relative : float32 (k,), the depth model's raw output at k valid pixels;
     - metric : float32 (k,), m, ground-truth depth at the same pixels;
     - fit : float32 (2,), the image's own scale (1/m per unit of y) and shift (1/m) by least
@@ -41,7 +42,6 @@ class ShardDataset(Dataset[Item]):
     style, encoder, depth_model : which tables, where there are several of a kind.
     split : take the parts of this split alone; train by default. Test splits hold whole maps and
         are for `evaluate`.
-    variant : which caption of each image an item has; 0 is the plain one.
 
     Raises UsageError for a choice that is open, RsaDataError for tables that are missing,
     incomplete, or do not belong together.
@@ -56,12 +56,11 @@ class ShardDataset(Dataset[Item]):
         encoder: str | None = None,
         depth_model: str | None = None,
         split: str = "train",
-        variant: int = 0,
     ):
         work = work if isinstance(work, WorkDir) else WorkDir(os.fspath(work))
         self.location, self.dataset = work.store.location, dataset
-        self.split, self.variant = split, variant
-        self.source = belong.sources(work, [dataset], style, encoder, depth_model)[0]
+        tables = Tables((dataset,), style, encoder, depth_model)
+        self.source = sources(work, tables, "", ())[0]
         self.parts = _parts(work, self.source, split)
         self._cached = lru_cache(4)(self._read)
         self._ends: np.ndarray | None = None
@@ -84,8 +83,7 @@ class ShardDataset(Dataset[Item]):
         place = int(np.searchsorted(ends, index, side="right"))
         examples, ids = self._cached(self.parts[place])
         row = index - int(ends[place - 1] if place else 0)
-        variants = np.diff(examples.first)[[row]]
-        batch = _batch(examples, ids, np.array([row]), np.minimum(self.variant, variants - 1))
+        batch = _batch(examples, ids, np.array([row]), np.zeros(1))
         return {name: values[0] for name, values in batch.items()}
 
     def held_out(self, share: float = 0.1) -> np.ndarray:
@@ -186,14 +184,14 @@ class ShardStream(IterableDataset[Item]):
 
     def __iter__(self) -> Iterator[Item]:
         skip, self._skip, self._taken = self._skip, 0, 0
-        for examples, ids, rows, variants in self._windows():
+        for examples, ids, rows, drawn in self._windows():
             for start in range(0, len(rows), self.batch_size or 1024):
                 chosen = slice(start, start + (self.batch_size or 1024))
                 count = len(rows[chosen])
                 if skip >= self._taken + count:
                     self._taken += count
                     continue
-                batch = _batch(examples, ids, rows[chosen], variants[chosen])
+                batch = _batch(examples, ids, rows[chosen], drawn[chosen])
                 if self.batch_size is not None:
                     self._taken += count
                     yield batch
@@ -218,12 +216,12 @@ class ShardStream(IterableDataset[Item]):
             order = np.concatenate([r + b for r, b in zip(rows, begins, strict=True)])
             examples = join([e for e, _ in read])
             ids = np.concatenate([i for _, i in read])
-            variants = np.zeros(len(order), np.int64)
+            drawn = np.zeros(len(order))
             if self.shuffle:
                 rng = np.random.default_rng((self.seed, self._epoch, int(chosen[0]) + 1))
                 order = rng.permutation(order)
-                variants = rng.integers(0, np.diff(examples.first)[order])
-            yield examples, ids, order, variants
+                drawn = rng.random(len(order))
+            yield examples, ids, order, drawn
 
     def _kept(self, place: int, count: int) -> np.ndarray:
         if self.keep is None:
@@ -242,10 +240,10 @@ def _share() -> tuple[int, int]:
     return rank * workers + worker, ranks * workers
 
 
-def _batch(examples: Examples, ids: np.ndarray, rows: np.ndarray, variants: np.ndarray) -> Item:
-    texts = examples.texts[examples.first[rows] + variants]
+def _batch(examples: Examples, ids: np.ndarray, rows: np.ndarray, drawn: np.ndarray) -> Item:
+    """drawn : float64 (b,), 0 to below 1: which of an image's captions; 0 is the plain one."""
     return {
-        "feature": examples.features[texts].astype(np.float32),  # (b, dim)
+        "feature": examples.rows(rows, drawn).astype(np.float32),  # (b, dim)
         "relative": examples.relative[rows].astype(np.float32),  # (b, k)
         "metric": examples.metric[rows].astype(np.float32),  # (b, k)
         "fit": examples.fit[rows],  # (b, 2)
@@ -261,8 +259,7 @@ def _parts(work: WorkDir, source: Source, split: str) -> list[int]:
     if not parts:
         there = sorted({r.split for r in receipts})
         raise UsageError(f"{source.dataset}: split {split!r}: expected one of {', '.join(there)}")
-    names = [source.captions, source.embeddings, source.depth, source.images]
-    for name in filter(None, names):
+    for name in source.tables:
         missing = sorted(set(parts) - set(work.table(source.dataset, name).parts()))
         if missing:
             raise RsaDataError(

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from flat import train_head
 from made_tables import write
 from torch.utils.data import DataLoader
 
 import rsa_data
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.heads.train.train_head import train_head
 from rsa_data.store import schemas
 from rsa_data.store.tables import WorkDir
 
