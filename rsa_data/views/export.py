@@ -3,13 +3,13 @@
 import re
 import tempfile
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pyarrow.parquet as pq
 
 from ..common.errors import RsaDataError, UsageError
 from ..runner import jobs
-from ..store.tables import WorkDir
+from ..store.tables import Table, WorkDir
 from . import data_card, export_rows, hub, webdataset
 
 
