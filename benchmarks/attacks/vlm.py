@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from .harness import ACCEPTED, CONTAINED, KEY, Attack
+from .harness import ACCEPTED, CONTAINED, KEY, REFUSED, Attack
 from .images import folder, picture
 from .roots import PATIENCE
 from .world import World
@@ -132,7 +132,17 @@ def attacks(world: World) -> Iterator[Attack]:
         may=ACCEPTED,
         environment=environment,
     )
-    fine = {"control", "surrogate", "tokens", "negative", "long", "twolengths"}
+    fine = {
+        "control",
+        "surrogate",
+        "tokens",
+        "negative",
+        "long",
+        "twolengths",
+        "length",
+        "minus",
+        "encoding",
+    }
     for name in ANSWERS:
         yield Attack(
             f"answer: {name}",
@@ -148,6 +158,7 @@ def attacks(world: World) -> Iterator[Attack]:
             f"models: {name}",
             words(f"m_{name}", False),
             pictures,
+            may=REFUSED | ACCEPTED if name == "length" else REFUSED,
             check=leaked(f"m_{name}"),
             deadline=PATIENCE,
             environment=environment,
