@@ -98,11 +98,11 @@ def _damages() -> Iterator[tuple[str, Callable[[Path], object]]]:
         yield f"head: {name} deleted", lambda w, n=name: (w / "heads/head" / n).unlink()
     yield (
         "head: one bit of metrics",
-        lambda w: flip(one(w / "heads/head", "evaluation/rsa/metrics.parquet")),
+        lambda w: flip(one(w / "heads/head", "**/*metrics.parquet")),
     )
     yield (
         "head: metrics deleted",
-        lambda w: one(w / "heads/head", "evaluation/rsa/metrics.parquet").unlink(),
+        lambda w: one(w / "heads/head", "**/*metrics.parquet").unlink(),
     )
     yield (
         "head: head.json edited",
