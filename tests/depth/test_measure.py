@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets.dataset import Dataset
 from rsa_data.depth import files, fits, onnx, pixels
-from rsa_data.depth.measure import at_size, build
+from rsa_data.depth.measure import STAGE, at_size, build
 from rsa_data.depth.measure import files as model_files
 from rsa_data.depth.model import Relative
 from rsa_data.runner import stages
@@ -350,3 +350,33 @@ def test_a_file_of_another_model_is_refused(output, says):
 def test_folders_of_depth_files_are_tables_of_their_own():
     assert stages.label_of("files") == "files"
     assert stages.label_of("files:a/zoe/") == "files-zoe"
+
+
+def test_a_map_of_another_shape_than_the_image_fails(rooms):
+    step(rooms)  # the images of the fixture cannot be read, so nothing is compared
+    cv2.imwrite(str(rooms / "a.jpg"), np.zeros((8, 6, 3), np.uint8))
+    cv2.imwrite(str(rooms / "b.jpg"), np.zeros((6, 8, 3), np.uint8))
+    rows = (("a", "train", "a.jpg", "a.depth.png"), ("b", "train", "b.jpg", "b.depth.png"))
+    found = step(rooms)(samples(*rows)).to_pylist()
+    assert (
+        "expected the aspect of its image of 6 x 8 px, found 8 x 6, which is transposed"
+        in (found[0]["error"])
+    )
+    assert found[1]["status"] == "ok"
+
+
+def test_what_was_read_is_said_and_y_the_wrong_way(rooms):
+    for name in ("a", "b"):
+        np.save(rooms / "y" / f"{name}.npy", read_millimetres(rooms / f"{name}.depth.png"))
+    rows = (("a", "train", "a.jpg", "a.depth.png"), ("b", "test", "b.jpg", "b.depth.png"))
+    table = step(rooms)(samples(*rows))
+    lines = STAGE.notes.write([table.select(STAGE.notes.columns)], depth_model="files:y")
+    assert lines[0].startswith("ground truth: median ") and "83% of the pixels valid" in lines[0]
+    assert "in 100% of the images y grows with the distance" in lines[1]
+    assert "--files-hold depth" in lines[1]
+
+
+def test_y_too_small_for_float16_fails(rooms):
+    np.save(rooms / "y" / "a.npy", np.linspace(1e-8, 1e-7, 48).reshape(6, 8))
+    (row,) = step(rooms)(samples(("a", "train", "a.jpg", "a.depth.png"))).to_pylist()
+    assert "too small for float16" in row["error"]
