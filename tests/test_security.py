@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
+from rsa_data import ScaleHead
 from rsa_data.common import onnx_sessions
 from rsa_data.common.errors import RowError, RsaDataError
 from rsa_data.datasets.depth_files import npy
@@ -91,13 +92,12 @@ def test_no_array_is_unpickled(tmp_path):
 @pytest.mark.filterwarnings("ignore:Detected pickle protocol")
 def test_no_checkpoint_runs_code(tmp_path):
     from rsa_data.embeddings import checkpoints
-    from rsa_data.heads import released
 
     torch = pytest.importorskip("torch")
     torch.save({"a": Bomb(tmp_path / "trace")}, tmp_path / "a.pt")
     (tmp_path / "b.pt").write_bytes(pickle.dumps(Bomb(tmp_path / "trace")))
     for path in (tmp_path / "a.pt", tmp_path / "b.pt"):
-        for read in (checkpoints.read_tensors, released.read_released):
+        for read in (checkpoints.read_tensors, ScaleHead.load):
             with pytest.raises(RsaDataError):
                 read(path)
     assert not (tmp_path / "trace").exists()

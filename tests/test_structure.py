@@ -28,7 +28,6 @@ def test_modules_are_short():
     assert [p for p in PYTHON if lines(p) > 400] == []
 
 
-@pytest.mark.xfail(reason="circles that are being cut")
 def test_no_module_imports_itself_by_way_of_others():
     grimp = pytest.importorskip("grimp")
     graph = grimp.build_graph("rsa_data", cache_dir=None)

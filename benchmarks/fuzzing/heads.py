@@ -11,8 +11,8 @@ import torch
 from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads import checkpoint
+from rsa_data.heads.checkpoint import ScaleHead
 from rsa_data.heads.predict import predict
-from rsa_data.heads.released import read_released
 from rsa_data.runner import status
 from rsa_data.store.tables import WorkDir
 
@@ -114,7 +114,7 @@ def released_checkpoint(here: Path) -> One:
         except (ValueError, KeyError, TypeError, RuntimeError, RecursionError, UnicodeError):
             (here / "head.pt").write_bytes(data)
         if (here / "head.pt").stat().st_size < 1 << 22:
-            read_released(here / "head.pt")
+            ScaleHead.load(here / "head.pt")
 
     return one
 

@@ -11,8 +11,8 @@ from ..common.errors import RsaDataError, UsageError
 from ..common.options import call, parameters
 from ..evaluation.evaluate import evaluate as evaluate_function
 from ..heads.description import parse
+from ..heads.import_head import import_head as import_function
 from ..heads.predict.predict import predict as predict_function
-from ..heads.released import import_head as import_function
 from ..heads.train.train_head import train_head as train_head_function
 from ..heads.travel import export_head as export_function
 from ..store.tables import WorkDir

@@ -19,11 +19,10 @@ from ..store.stores import Store, open_store
 from . import description as forms
 from .architectures.layers import Head
 from .description import FORMAT as FORMAT
-from .description import Description
+from .description import MAX_BYTES, Description
+from .released import read_released
 
 _BATCH = 4096
-# Of head.safetensors: the largest head here has 6 MB.
-MAX_BYTES = 2**30
 _Form = dict[str, tuple[tuple[int, ...], torch.dtype]]
 
 
@@ -73,9 +72,11 @@ class ScaleHead:
         exactly those that head.json speaks of.
         """
         if "://" not in str(path) and (Path(path).is_file() or str(path).endswith((".pt", ".pth"))):
-            from .released import read_released
-
-            return read_released(Path(path))
+            tensors, known = read_released(Path(path))
+            try:
+                return cls.from_tensors(tensors, known)
+            except RsaDataError as error:
+                raise RsaDataError(f"{path}: {error}") from error
         store = open_store(path)
         text = store.read("head.json")
         if text is None:

@@ -10,6 +10,8 @@ from ..common.typed import Count, convert
 from ..common.typed import parse as parse_json
 from ..store.encoding import fingerprint
 
+# Of head.safetensors: the largest head here has 6 MB.
+MAX_BYTES = 2**30
 FORMAT = 1
 
 # A size of a row of features or in an architecture: more would be a slip or an attack.

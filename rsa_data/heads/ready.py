@@ -40,10 +40,9 @@ def load(name: str) -> "ScaleHead":
     Its own file does not say what it was trained with: the card does.
     """
     from .checkpoint import ScaleHead
-    from .released import read_released
 
     found = ready(name)
-    head = read_released(model_files.local_file(found.card, option="--head"))
+    head = ScaleHead.load(model_files.local_file(found.card, option="--head"))
     description = head.description
     description["depth_model"] = {
         "model": found.depth_model,

@@ -1,4 +1,4 @@
-"""Heads that the authors of RSA released as PyTorch checkpoints, and import-head."""
+"""Heads that the authors of RSA released as PyTorch checkpoints: reading one, code excluded."""
 
 import pickle
 import zipfile
@@ -6,14 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..common.errors import RsaDataError
-from ..store.names import head_folder
-from ..store.tables import WorkDir
-from .description import FORMAT, DepthModel, Description, Features, Imported
+from .description import FORMAT, MAX_BYTES, DepthModel, Description, Features, Imported
 
 if TYPE_CHECKING:
     import torch
-
-    from .checkpoint import ScaleHead
 
 # Order of the nine numbers in the checkpoints' best_eval_measures_* (released train_3d.py).
 _MEASURES = [
@@ -30,15 +26,15 @@ _MEASURES = [
 _PREFIX = "best_eval_measures_"
 
 
-def read_released(path: Path) -> "ScaleHead":
-    """The head of a released checkpoint: mlp3 or mlp5, on raw features of CLIP RN50.
+def read_released(path: Path) -> "tuple[dict[str, torch.Tensor], Description]":
+    """What a released checkpoint holds: an mlp3 or mlp5 on raw features of CLIP RN50.
+
+    Returns the tensors as `ScaleHead.from_tensors` takes them, float32, and their description.
 
     The file is recognised by its content and read as plain tensors (`weights_only`): no code in it
     can run. What its features and relative depth were made of is not in the file, so it is left
     open in the description. Raises RsaDataError when the file is not such a checkpoint.
     """
-    from .checkpoint import ScaleHead
-
     content = _read(path)
     weights = _weights(path, content.get("model"))
     first = weights.get("scene_feat_net.0.weight")
@@ -63,17 +59,11 @@ def read_released(path: Path) -> "ScaleHead":
         depth_model=DepthModel(),
         imported=Imported(file=path.name, steps=_steps(content), measures=_measures(path, content)),
     )
-    tensors = {"mean": torch.zeros(dim), "factor": torch.ones(dim), **weights}
-    try:
-        return ScaleHead.from_tensors(tensors, description)
-    except RsaDataError as error:
-        raise RsaDataError(f"{path}: {error}") from error
+    return {"mean": torch.zeros(dim), "factor": torch.ones(dim), **weights}, description
 
 
 def _read(path: Path) -> dict[str, Any]:
     import torch
-
-    from .checkpoint import MAX_BYTES
 
     other = RsaDataError(
         f"{path}: expected a released head, a PyTorch file of plain tensors; found another kind of "
@@ -147,25 +137,3 @@ def _measures(path: Path, content: dict[str, Any]) -> dict[str, dict[str, float]
         numbers = [float(f"{value:.7g}") for value in tensor.tolist()]
         measures[name.removeprefix(_PREFIX)] = dict(zip(_MEASURES, numbers, strict=True))
     return measures
-
-
-def import_head(
-    work: WorkDir, file: Path, *, name: str | None = None
-) -> tuple[str, dict[str, Any]]:
-    """Reads a released checkpoint and writes it as a head of a work dir.
-
-    Parameters
-    ----------
-    name : folder of the head below WORK/heads; the file's name without its ending by default.
-
-    Returns that folder and the head's description. A head that is there already is left as it is.
-    """
-    head = read_released(file)
-    folder = head_folder(name or file.stem)
-    if work.store.size(f"{folder}/head.json") is not None:
-        raise RsaDataError(
-            f"{work.store.location}/{folder}: there is a head of this name already; it was left "
-            "as it is. Give another --name"
-        )
-    head.save(work.store, folder)
-    return f"{work.store.location}/{folder}", head.description

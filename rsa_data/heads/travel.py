@@ -64,7 +64,7 @@ def from_file(path: Path) -> "ScaleHead":
     """A head from a file that `export_head` wrote, or from a released RSA checkpoint."""
     from safetensors import SafetensorError
 
-    from .released import read_released
+    from .checkpoint import ScaleHead
 
     try:
         if (size := path.stat().st_size) > MAX_BYTES:
@@ -76,7 +76,7 @@ def from_file(path: Path) -> "ScaleHead":
     # safetensors begins with the length of its JSON header; a PyTorch file is a ZIP or a pickle.
     if start[8:9] != b"{":
         try:
-            return read_released(path)
+            return ScaleHead.load(path)
         except SafetensorError as error:
             raise RsaDataError(f"{path}: expected a head; found {error}") from error
     return _from_bytes(path.read_bytes(), str(path))

@@ -10,7 +10,7 @@ import rsa_data
 from rsa_data import ScaleHead, to_metric
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads.checkpoint import build_network
-from rsa_data.heads.released import import_head
+from rsa_data.heads.import_head import import_head
 from rsa_data.registry import HEADS
 from rsa_data.store.tables import WorkDir
 

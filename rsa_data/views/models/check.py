@@ -182,9 +182,9 @@ def _encoder(name: str, path: Path, pair: Sequence[Scene]) -> Iterator[Finding]:
 
 
 def _head(name: str, path: Path, pair: Sequence[Scene]) -> Iterator[Finding]:
-    from ...heads.released import read_released
+    from ...heads.checkpoint import ScaleHead
 
-    head = read_released(path)
+    head = ScaleHead.load(path)
     features = np.random.default_rng(0).normal(0, 0.3, (64, head.dim)).astype(np.float32)
     scale, shift = head(features)
     good = bool((np.isfinite(scale) & np.isfinite(shift) & (scale > 0) & (shift > 0)).all())
