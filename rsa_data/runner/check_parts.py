@@ -71,7 +71,9 @@ def _content(work: WorkDir, table: Table, receipt: Receipt) -> Iterator[str]:
     try:
         rows = pq.read_table(pa.BufferReader(data), use_threads=False)
         schemas.check_version(description.schema, description.schema_version, "_table.json")
-        schemas.check(description.schema, rows)
+        # An earlier version had other columns; its bytes and digest are checked all the same.
+        if description.schema_version == schemas.definition(description.schema)["version"]:
+            schemas.check(description.schema, rows)
     except (RsaDataError, pa.ArrowException, OSError) as error:
         yield str(error)
         return
