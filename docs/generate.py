@@ -8,12 +8,14 @@ command line itself and performance.md from the scripts and results in benchmark
 """
 
 import ast
+import inspect
 import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
+import rsa_data
 from rsa_data.cli.main import Group, cli, names
 from rsa_data.store import schemas
 
@@ -111,11 +113,21 @@ def performance() -> str:
     return "\n".join(parts)
 
 
+def api() -> str:
+    """docs/api.md: the public names of the package and their docstrings."""
+    parts = ["# Python API\n", "Generated from the docstrings; nothing else is public.\n"]
+    for name in rsa_data.__all__:
+        found = getattr(rsa_data, name)
+        signature = inspect.signature(found)
+        parts.append(f"## {name}\n\n```text\n{name}{signature}\n\n{inspect.getdoc(found)}\n```\n")
+    return "\n".join(parts)
+
+
 def on_files(files: Any, config: Any, **_: Any) -> Any:
     """mkdocs asks for the list of pages."""
     from mkdocs.structure.files import File
 
-    for name, make in (("commands.md", commands), ("performance.md", performance)):
+    for name, make in (("commands.md", commands), ("performance.md", performance), ("api.md", api)):
         files.append(File.generated(config, name, content=make()))
     return files
 
