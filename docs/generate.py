@@ -118,7 +118,8 @@ def api() -> str:
     parts = ["# Python API\n", "Generated from the docstrings; nothing else is public.\n"]
     for name in rsa_data.__all__:
         found = getattr(rsa_data, name)
-        signature = inspect.signature(found)
+        error = isinstance(found, type) and issubclass(found, Exception)
+        signature = "" if error else inspect.signature(found)
         parts.append(f"## {name}\n\n```text\n{name}{signature}\n\n{inspect.getdoc(found)}\n```\n")
     return "\n".join(parts)
 
