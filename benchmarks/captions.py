@@ -26,6 +26,7 @@ from rsa_data import registry
 from rsa_data.captions.blocks import composer
 from rsa_data.captions.columns import caption_table
 from rsa_data.captions.compose import Recipe
+from rsa_data.captions.options import Augmentation, Contents, WrongObjects
 from rsa_data.captions.words import word
 from rsa_data.common.tokenizers import Tokenizer, clip
 from rsa_data.segments.rsa_release import parse
@@ -121,16 +122,9 @@ def main() -> None:
         wording=registry.resolve("style", registry.STYLES, "occupancy"),
         tokenizer=tokenizer,
         limit=tokenizer.max_tokens,
-        variants=given.variants,
-        seed=0,
-        delete=DELETE,
-        delete_by_area=None,
-        objects="all",
-        group=False,
-        digits=2,
-        replace=0.0,
-        insert=0,
-        domain="street",
+        augmentation=Augmentation(variants=given.variants, delete=DELETE),
+        contents=Contents(),
+        wrong=WrongObjects(),
     )
     write = composer(recipe)
     images = list(zip(segments["label"].to_pylist(), segments["area"].to_pylist(), strict=True))

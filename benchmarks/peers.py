@@ -2,10 +2,10 @@
 
     python benchmarks/peers.py [--texts 5500] [--rounds 3] [--threads 1] [--peer-python PYTHON]
 
-Text embedding with all-MiniLM-L6-v2: `rsa-data embed` (the whole command: work dir, receipts, audit)
-against sentence-transformers, its torch and its ONNX backend (batches of 32, sorted by length, as
-its `encode` does). Every run is a process of its own; rounds of all ways alternate; figures are
-medians. Texts are the distinct occupancy captions of the released NYU test segments.
+Text embedding with all-MiniLM-L6-v2: `rsa-data embed` (the whole command: work dir, receipts,
+audit) against sentence-transformers, its torch and its ONNX backend (batches of 32, sorted by
+length, as its `encode` does). Every run is a process of its own; rounds of all ways alternate;
+figures are medians. Texts are the distinct occupancy captions of the released NYU test segments.
 
 --peer-python : a Python that has sentence-transformers with the ONNX backend, which wants another
     transformers than this project. --peer-model : the model's folder for it, with onnx/model.onnx.

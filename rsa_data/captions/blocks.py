@@ -22,7 +22,7 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table], Columns]:
 
     In the order of samples, then variant. Raises RsaDataError when the texts pass 2 GB.
     """
-    variants = recipe.variants
+    variants = recipe.augmentation.variants
     size = CAPTIONS_A_BLOCK // variants
 
     def write(segments: pa.Table, samples: pa.Table) -> Columns:

@@ -13,7 +13,8 @@ from . import augment, chance
 from .assemble import Column, texts
 from .choose import Chosen, choose
 from .columns import Columns
-from .objects import Objects, Which, from_segments
+from .objects import Objects, from_segments
+from .options import Augmentation, Contents, WrongObjects
 from .wordings.wording import NOTHING, Wording
 from .words import Word, word
 
@@ -22,23 +23,15 @@ from .words import Word, word
 class Recipe:
     """How captions are written: the options of the stage, names resolved.
 
-    limit : the most tokens of a text. delete_by_area : None for the same probability for all.
-    The others are as in `write.build`.
+    limit : the most tokens of a text.
     """
 
     wording: Wording
     tokenizer: Tokenizer
     limit: int
-    variants: int
-    seed: int
-    delete: float
-    delete_by_area: float | None
-    objects: Which
-    group: bool
-    digits: int
-    replace: float
-    insert: int
-    domain: augment.Domain
+    augmentation: Augmentation
+    contents: Contents
+    wrong: WrongObjects
 
 
 # Times that a budget is widened where the tables overestimate.
@@ -54,22 +47,24 @@ def compose(
 
     samples : of the same images. label : int32 of shape (segments,), indices into `names`.
     """
-    wording = recipe.wording
-    found = from_segments(segments, samples, label, recipe.objects, recipe.group)
-    keys = chance.caption_keys(recipe.seed, segments["sample_id"].to_pylist(), recipe.variants)
+    wording, contents, variants = recipe.wording, recipe.contents, recipe.augmentation.variants
+    found = from_segments(segments, samples, label, contents.objects, contents.group)
+    ids = segments["sample_id"].to_pylist()
+    keys = chance.caption_keys(recipe.augmentation.seed, ids, variants)
     plain: np.ndarray = np.zeros(keys.shape, bool)  # (variants, images)
     plain[0] = True
     opening, of_image = _openings(wording, samples)
-    if recipe.replace or recipe.insert:
+    if recipe.wrong.replace or recipe.wrong.insert:
         numbers = {name: number for number, name in enumerate(names)}
-        classes = augment.CLASSES[recipe.domain]
+        classes = augment.CLASSES[recipe.wrong.domain]
         wrong = np.array([numbers.setdefault(name, len(numbers)) for name in classes])
         names = list(numbers)
-        found = augment.with_wrong_objects(found, keys, plain, wrong, recipe.replace, recipe.insert)
-        of_image = np.repeat(of_image, recipe.variants)
+        how_many = recipe.wrong.replace, recipe.wrong.insert
+        found = augment.with_wrong_objects(found, keys, plain, wrong, *how_many)
+        of_image = np.repeat(of_image, variants)
         keys, plain = keys.T.reshape(1, -1), plain.T.reshape(1, -1)  # (1, captions)
     words = [word(name) for name in names]
-    phrase = wording.phrase(found, words, recipe.digits)
+    phrase = wording.phrase(found, words, contents.digits)
     tokens = partial(_tokens, recipe.tokenizer)
     between, last, closing = tokens((wording.between, wording.last, wording.closing))
     cost = np.full(len(found.label), between, np.int32)
@@ -144,10 +139,10 @@ def _openings(wording: Wording, samples: pa.Table) -> tuple[tuple[str, ...], np.
 
 
 def _delete(found: Objects, recipe: Recipe) -> np.ndarray:
-    if recipe.delete_by_area is None:
-        return np.full(len(found.label), recipe.delete)
+    if recipe.augmentation.delete_by_area is None:
+        return np.full(len(found.label), recipe.augmentation.delete)
     # 1 - sigmoid(lambda * area): RSA's utils.py, get_text.
-    return 1 / (1 + np.exp(recipe.delete_by_area * found.area))
+    return 1 / (1 + np.exp(recipe.augmentation.delete_by_area * found.area))
 
 
 def _empty(chosen: Chosen) -> np.ndarray:

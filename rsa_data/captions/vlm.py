@@ -21,18 +21,22 @@ from .wordings.wording import NOTHING
 VERSION = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Asked:
-    """How to ask: these options say where and how fast, and the prompt what.
+    """The model of the style vlm, and how to ask it.
 
-    endpoint : address of the server. prompt : file, or None for the one that is shipped.
-    concurrency : questions at once. rate : most a second, 0 for no limit.
+    endpoint : address of an OpenAI-compatible server, for the style vlm.
+    prompt : file with the question to the model; a shipped one by default.
+    concurrency : questions to the model at once.
+    rate : most questions a second; 0 for no limit.
+    prices : of a million tokens of questions and answers, as IN,OUT, for the summary.
     """
 
-    endpoint: str | None
-    prompt: Path | None
-    concurrency: int
-    rate: float
+    endpoint: str | None = None
+    prompt: Path | None = None
+    concurrency: int = 4
+    rate: float = 0.0
+    prices: str | None = None
 
 
 class Style:

@@ -1,7 +1,7 @@
 """The captions stage: segments -> captions, whole columns at a time."""
 
-import inspect
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,36 +9,24 @@ import pyarrow as pa
 
 from .. import registry
 from ..common.errors import UsageError
+from ..common.options import call, grouped, parameters
 from ..runner.stage import Notes, Reads, Stage
 from . import natural, summary, vlm
-from .augment import Domain
 from .blocks import composer
 from .columns import caption_table
 from .compose import Recipe
-from .objects import Which
+from .options import Augmentation, Contents, WrongObjects
+from .vlm import Asked
 from .wordings.wording import Wording
 
 
 def build(
     *,
     style: str = "occupancy",
-    variants: int = 5,
-    seed: int = 0,
-    delete: float = 0.2,
-    delete_by_area: float | None = None,
-    objects: Which = "all",
-    group: bool = False,
-    digits: int = 2,
-    tokenizer: str = "clip",
-    max_tokens: int | None = None,
-    replace: float = 0.0,
-    insert: int = 0,
-    domain: Domain = "street",
-    endpoint: str | None = None,
-    prompt: Path | None = None,
-    concurrency: int = 4,
-    rate: float = 0.0,
-    prices: str | None = None,
+    augmentation: Augmentation = Augmentation(),
+    contents: Contents = Contents(),
+    wrong: WrongObjects = WrongObjects(),
+    server: Asked = Asked(),
     root: Path | None = None,
 ) -> Callable[..., pa.Table]:
     """Captions of each image: one plain, the others augmented by swap and delete.
@@ -46,68 +34,39 @@ def build(
     Parameters
     ----------
     style : how an object is worded, or texts to import as NAME:PATH; see `rsa-data list styles`.
-    variants : captions an image, of which variant 0 is the plain one, largest object first.
-    seed : of swap and delete.
-    delete : probability that an object is left out of an augmented caption, 0 to 1.
-    delete_by_area : delete with probability 1 - sigmoid(this x share of the image) instead. The
-        released code had 100 or 10.
-    objects : what to tell of: all, things (countable) or background.
-    group : equal classes become one object, as in "3 chairs occupy 8.00% of the image".
-    digits : decimals of a percentage, 0 to 3.
-    tokenizer : what counts the tokens of a text; see `rsa-data list tokenizers`.
-    max_tokens : the most tokens of a text, start and end tokens included. Not given: the
-        tokenizer's own limit; 0: no limit.
-    replace : probability that an object of an augmented caption becomes one of another domain.
-        For robustness tests.
-    insert : objects of another domain added to each augmented caption. For robustness tests.
-    domain : where replaced and inserted objects come from, street or indoor.
-    endpoint : of the style vlm: address of an OpenAI-compatible server.
-    prompt : of the style vlm: file with the question; a shipped one by default.
-    concurrency : of the style vlm: questions at once.
-    rate : of the style vlm: most questions a second; 0 for no limit.
-    prices : of the style vlm: of a million tokens of questions and answers, as IN,OUT.
-    root : where the images lie; given by the frame, for the style vlm.
+    root : where the images lie, for the style vlm; the runner knows it.
     """
     target, argument = _resolve(style)
-    counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
+    counter = registry.build("tokenizer", registry.TOKENIZERS, contents.tokenizer)
     if isinstance(target, vlm.Style):
-        asked = vlm.Asked(endpoint, prompt, concurrency, rate)
-        return target.step(argument, asked, counter, root)
+        return target.step(argument, server, counter, root)
     if not isinstance(target, Wording):
         return natural.step(style, target(argument), counter)
     for name, value, low, high in (
-        ("variants", variants, 1, 2**15 - 1),
-        ("digits", digits, 0, 3),
-        ("delete", delete, 0, 1),
-        ("replace", replace, 0, 1),
-        ("insert", insert, 0, 1000),
-        ("max_tokens", max_tokens or 0, 0, 2**30),
+        ("variants", augmentation.variants, 1, 2**15 - 1),
+        ("digits", contents.digits, 0, 3),
+        ("delete", augmentation.delete, 0, 1),
+        ("replace", wrong.replace, 0, 1),
+        ("insert", wrong.insert, 0, 1000),
+        ("max_tokens", contents.max_tokens or 0, 0, 2**30),
     ):
         if not low <= value <= high:
             raise UsageError(f"captions: {name}: expected {low} to {high}, found {value}")
-    if group and target.group is False:
+    if contents.group and target.group is False:
         raise UsageError(
             f"captions: the style {style!r} describes each object by itself. Leave out --group, or "
             "use --style occupancy"
         )
-    limit = counter.max_tokens if max_tokens is None else max_tokens or 2**30
+    most = contents.max_tokens
     metadata = {"style": style, "style_version": str(target.version), "tokenizer": counter.name}
     recipe = Recipe(
         wording=target,
         tokenizer=counter,
-        limit=limit,
-        variants=variants,
-        seed=seed,
-        delete=delete,
-        delete_by_area=delete_by_area,
-        objects=objects,
-        group=target.group or group,
-        digits=digits,
-        replace=replace,
-        insert=insert,
-        domain=domain,
+        limit=counter.max_tokens if most is None else most or 2**30,
+        augmentation=augmentation,
+        contents=replace(contents, group=target.group or contents.group),
+        wrong=wrong,
     )
-
     write = composer(recipe)
 
     def step(segments: pa.Table, samples: pa.Table) -> pa.Table:
@@ -132,14 +91,8 @@ def identity(*, style: str = "occupancy", tokenizer: str = "clip", **others: Any
     found = {"style_version": str(version), "tokenizer": counter.fingerprint}
     if isinstance(target, vlm.Style):
         found["style_version"] = str(vlm.VERSION)
-        found |= target.identity(argument, _asked(others))
+        found |= target.identity(argument, grouped(build, others).get("server", Asked()))
     return found
-
-
-def _asked(options: dict[str, Any]) -> vlm.Asked:
-    names = ("endpoint", "prompt", "concurrency", "rate")
-    defaults = {n: p.default for n, p in inspect.signature(build).parameters.items()}
-    return vlm.Asked(**{n: options.get(n, defaults[n]) for n in names})
 
 
 def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> list[str]:
@@ -149,7 +102,7 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     of the stage's inputs, on which is tried which options would keep more. options : those of
     `build`.
     """
-    bound = {n: p.default for n, p in inspect.signature(build).parameters.items()} | options
+    bound = {n: p.default for n, p in parameters(build).items()} | options
     counter = registry.build("tokenizer", registry.TOKENIZERS, bound["tokenizer"])
     if isinstance(_resolve(bound["style"])[0], vlm.Style):
         parts = list(captions)
@@ -162,14 +115,14 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     lines = summary.budget_lines(found, counter.max_tokens if asked is None else asked)
     if not found["losing"]:
         return lines if asked != 0 else []
-    now = summary.kept([build(**bound | {"variants": 1})(*inputs)])
+    now = summary.kept([call(build, **bound | {"variants": 1})(*inputs)])
     would = {}
     for change in summary.ALTERNATIVES:
         other = bound | change | {"variants": 1}
         if all(bound[name] == value for name, value in change.items()):
             continue
         try:
-            sums = summary.kept([build(**other)(*inputs)])
+            sums = summary.kept([call(build, **other)(*inputs)])
         except UsageError:
             continue  # a style that knows no groups
         flags = (f"--{n}" if value is True else f"--{n} {value}" for n, value in change.items())

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
-from ..common.options import accepts_old_names
+from ..common.options import accepts_old_names, call
 from ..heads.belong import Source, Tables
 from ..heads.inputs.kinds import Feed, find
 from ..store import schemas
@@ -148,7 +148,7 @@ def robustness_methods(
         options = {**captions.options, "domain": wrong, "seed": seed, **change}
         if options["domain"] == "own":
             options["domain"] = own
-        writer = write.build(**options | {"variants": variant + 1})
+        writer = call(write.build, **options | {"variants": variant + 1})
         edit = _nothing if name == "nothing found" else _as_found
         described = partial(_described, writer, edit, segments, variant)
         methods[name] = _by_texts(head.outputs, described, encode)

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from made_segments import objects, samples, segments
 
 from rsa_data import registry
+from rsa_data.captions import write
 from rsa_data.captions.assemble import Column, texts
 from rsa_data.captions.choose import Chosen
-from rsa_data.captions.compose import Recipe, compose
-from rsa_data.captions.write import build
+from rsa_data.captions.compose import Recipe
+from rsa_data.captions.options import compose
+from rsa_data.common import options as options_of
 from rsa_data.common.errors import RsaDataError
 from rsa_data.common.tokenizers import Tokenizer, clip
 from rsa_data.store import schemas
@@ -26,7 +28,7 @@ ROOM = objects(
 
 
 def written(table: pa.Table, **options) -> list[dict]:
-    made = build(**options)(table, samples(table))
+    made = options_of.call(write.build, **options)(table, samples(table))
     schemas.check("captions", made)
     return made.to_pylist()
 
@@ -110,8 +112,14 @@ def test_token_counts_are_those_of_the_real_tokenizer(
 ):
     table = segments({"a": image}, width=640, height=480)
     camera = samples(table, fx=518.9, fy=519.5, cx=325.6, cy=253.7)
-    step = build(
-        style=style, variants=3, digits=digits, delete=delete, max_tokens=limit, tokenizer=tokenizer
+    step = options_of.call(
+        write.build,
+        style=style,
+        variants=3,
+        digits=digits,
+        delete=delete,
+        max_tokens=limit,
+        tokenizer=tokenizer,
     )
     made = step(table, camera)
     counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
@@ -222,7 +230,7 @@ def test_blocks_leave_no_trace():
 def test_rows_follow_samples_then_variant():
     table = segments({"b": ROOM, "a": [], "c": ROOM})
     other = samples(table).take([2, 0, 1])
-    made = build(variants=2)(table, other)
+    made = options_of.call(write.build, variants=2)(table, other)
     assert made["sample_id"].to_pylist() == [f"nyuv2/train/{k}" for k in "ccbbaa"]
     assert made["variant"].to_pylist() == [0, 1, 0, 1, 0, 1]
 

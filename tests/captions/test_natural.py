@@ -7,7 +7,9 @@ import pyarrow as pa
 import pytest
 from made_segments import samples, segments
 
-from rsa_data.captions.write import build, files, identity, needs_segments
+from rsa_data.captions import write
+from rsa_data.captions.write import files, identity, needs_segments
+from rsa_data.common import options as options_of
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.runner import chains, pipeline_files, stages
 from rsa_data.store import schemas
@@ -19,7 +21,7 @@ def imported(
 ) -> list:
     """(sample_id, variant, text) of what an import gives for samples of NYU train."""
     rows = samples(segments({key: [] for key in keys}, split=split), image=image)
-    made = build(style=style)(rows)
+    made = options_of.call(write.build, style=style)(rows)
     schemas.check("captions", made)
     return [(r["sample_id"], r["variant"], r["text"]) for r in made.to_pylist()]
 
@@ -162,7 +164,7 @@ def test_a_place_that_is_not_there(tmp_path):
 @pytest.mark.parametrize("style", ["import", "release-text", "occupancy:x"])
 def test_an_argument_where_one_is_due(style):
     with pytest.raises(UsageError, match="style: expected"):
-        build(style=style)
+        options_of.call(write.build, style=style)
 
 
 def test_imports_need_no_segments():
@@ -208,7 +210,7 @@ def test_an_import_through_the_pipeline(tmp_path):
 
 def test_columns_of_an_import(tmp_path):
     (tmp_path / "a.txt").write_text("A bed.")
-    made = build(style=f"import:{tmp_path}")(samples(segments({"a": []})))
+    made = options_of.call(write.build, style=f"import:{tmp_path}")(samples(segments({"a": []})))
     assert made.drop_columns(["text_id"]).to_pylist() == [
         {
             "sample_id": "nyuv2/train/a",

@@ -8,9 +8,9 @@ import pyarrow as pa
 import pytest
 from made_segments import samples
 
-from rsa_data.captions import summary
+from rsa_data.captions import summary, write
 from rsa_data.captions.words import number_word
-from rsa_data.captions.write import build
+from rsa_data.common import options as options_of
 from rsa_data.common.tokenizers import clip
 from rsa_data.segments.rsa_release import parse
 from rsa_data.segments.segments import to_table
@@ -42,7 +42,7 @@ def counts(text: str) -> list[int]:
 @pytest.mark.parametrize(("name", "images"), [("nyu-test", 654), ("kitti-test", 652)])
 def test_release_style_counts_as_the_released_texts(shared, name, images):
     segments, lines = read(shared / "rsa_release" / f"{name}.tar.xz")
-    step = build(style="release", variants=1, max_tokens=0)
+    step = options_of.call(write.build, style="release", variants=1, max_tokens=0)
     texts = step(segments, samples(segments))["text"].to_pylist()
     assert len(texts) == images
     assert [counts(text) for text in texts] == [counts(of_image[10]) for of_image in lines]
@@ -54,13 +54,17 @@ def test_shares_that_are_known_of_nyu_train(shared):
     rows = samples(segments)
 
     def named(**options) -> str:
-        return summary.named(summary.kept([build(variants=1, **options)(segments, rows)]))
+        return summary.named(
+            summary.kept([options_of.call(write.build, variants=1, **options)(segments, rows)])
+        )
 
     # What was measured before this project: 36% and 89%, 55% and 92%, 75% and 98%, with "occupies"
     # also for several; 145 tokens on average, 82.6% of the texts longer than 77.
     assert named() == "36% of the objects (89% of their area)"
     assert named(group=True) == "57% of the objects (92% of their area)"
     assert named(group=True, digits=0) == "76% of the objects (98% of their area)"
-    whole = build(style="occupied", variants=1, max_tokens=0)(segments, rows)["n_tokens"].to_numpy()
+    whole = options_of.call(write.build, style="occupied", variants=1, max_tokens=0)(
+        segments, rows
+    )["n_tokens"].to_numpy()
     assert round(whole.mean()) == 146
     assert round((whole > clip().max_tokens).mean(), 3) == 0.823

@@ -3,14 +3,16 @@
 import pyarrow as pa
 from made_segments import objects, samples, segments
 
-from rsa_data.captions.write import build, notes
+from rsa_data.captions import write
+from rsa_data.captions.write import notes
+from rsa_data.common import options as options_of
 
 ROOM = objects(*[("chair", 0.05), ("table", 0.04), ("cup", 0.01)] * 3)
 
 
 def said(table: pa.Table, **options) -> list[str]:
     camera = samples(table)
-    made = build(variants=2, **options)(table, camera)
+    made = options_of.call(write.build, variants=2, **options)(table, camera)
     return notes([made, made], table, camera, **options)
 
 
@@ -47,7 +49,7 @@ def test_imports_tell_of_long_and_missing_texts(tmp_path):
     (tmp_path / "a.txt").write_text("word " * 100)
     camera = samples(segments({"a": [], "b": []}))
     options = {"style": f"import:{tmp_path}"}
-    assert notes([build(**options)(camera)], camera, **options) == [
+    assert notes([options_of.call(write.build, **options)(camera)], camera, **options) == [
         "1 of 2 texts is longer than the 77 tokens that an encoder with the tokenizer clip reads. "
         "Their ends will be cut off.",
         "1 image has no text, or one as short as 'An image.'.",

@@ -14,8 +14,9 @@ import pytest
 from PIL import Image
 from rooms import NoBar, sample_rows
 
-from rsa_data.captions import served, vlm
-from rsa_data.captions.write import build, identity, notes
+from rsa_data.captions import served, vlm, write
+from rsa_data.captions.write import identity, notes
+from rsa_data.common import options as options_of
 from rsa_data.common.errors import RsaDataError, TransientError, UsageError
 from rsa_data.runner import chains, stages
 from rsa_data.runner.chains import RunOptions
@@ -117,7 +118,9 @@ def samples(names=NAMES) -> pa.Table:
 
 
 def texts(root: Path, server: Fake, names=NAMES, **options) -> list[str]:
-    made = build(style="vlm", endpoint=server.address, root=root, **options)(samples(names))
+    made = options_of.call(write.build, style="vlm", endpoint=server.address, root=root, **options)(
+        samples(names)
+    )
     schemas.check("captions", made)
     return made["text"].to_pylist()
 
@@ -167,7 +170,7 @@ def test_a_server_that_stays_in_trouble_leaves_the_part_undone(root, fake):
 )  # fmt: skip
 def test_an_image_without_an_answer_is_set_aside(root, fake, bad, reason):
     server = fake(lambda count, shade: bad if shade == 100 else said("A room."))
-    made = build(style="vlm", endpoint=server.address, root=root)(samples())
+    made = options_of.call(write.build, style="vlm", endpoint=server.address, root=root)(samples())
     assert made["text"].to_pylist() == ["A room.", "An image.", "A room."]
     audit = json.loads(made.schema.metadata[b"audit"])
     assert audit["failed"] == {"rooms/train/0/b": reason}
@@ -177,7 +180,7 @@ def test_an_image_without_an_answer_is_set_aside(root, fake, bad, reason):
 def test_a_broken_image_is_set_aside_and_not_sent(root, fake):
     (root / "b.png").write_bytes(b"not an image")
     server = fake(lambda count, shade: said("A room."))
-    made = build(style="vlm", endpoint=server.address, root=root)(samples())
+    made = options_of.call(write.build, style="vlm", endpoint=server.address, root=root)(samples())
     assert made["text"].to_pylist()[1] == "An image."
     assert len(server.asked) == 2
 
@@ -195,7 +198,7 @@ def test_model_must_be_named_where_there_are_several(root, fake):
     server = fake(lambda count, shade: said("x"), models=("one", "two"))
     with pytest.raises(UsageError, match="serves one, two: name one"):
         texts(root, server)
-    build(style="vlm:two", endpoint=server.address, root=root)(samples())
+    options_of.call(write.build, style="vlm:two", endpoint=server.address, root=root)(samples())
     assert {asked["model"] for asked in server.asked} == {"two"}
 
 
@@ -235,7 +238,7 @@ def test_model_and_prompt_decide_what_the_texts_are(root, fake, tmp_path):
 )
 def test_wrong_options_are_refused(root, options, message):
     with pytest.raises(UsageError, match=message):
-        build(style="vlm", root=root, **options)
+        options_of.call(write.build, style="vlm", root=root, **options)
 
 
 def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
@@ -263,6 +266,6 @@ def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
 
 def test_notes_name_texts_that_are_too_long(root, fake):
     server = fake(lambda count, shade: said("word " * 100))
-    made = build(style="vlm", endpoint=server.address, root=root)(samples())
+    made = options_of.call(write.build, style="vlm", endpoint=server.address, root=root)(samples())
     lines = notes([made], samples(), style="vlm", endpoint=server.address)
     assert any("3 of 3 texts are longer than the 77 tokens" in line for line in lines)

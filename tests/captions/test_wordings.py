@@ -6,7 +6,9 @@ import pyarrow as pa
 import pytest
 from made_segments import objects, samples, segments
 
-from rsa_data.captions.write import build, identity
+from rsa_data.captions import write
+from rsa_data.captions.write import identity
+from rsa_data.common import options as options_of
 from rsa_data.common.errors import UsageError
 from rsa_data.store import schemas
 
@@ -26,7 +28,7 @@ def plain(style: str, found: list[dict] = BEDROOM, **options) -> str:
     found = [{**s, "is_thing": s["label"] not in BACKGROUND} for s in found]
     table = segments({"bedroom/1": found}, width=640, height=480)
     camera = samples(table, fx=518.8579, fy=519.46961, cx=325.58245, cy=253.73617)
-    step = build(style=style, variants=1, **{"max_tokens": 0, **options})
+    step = options_of.call(write.build, style=style, variants=1, **{"max_tokens": 0, **options})
     written = step(table, camera)
     schemas.check("captions", written)
     return written["text"][0].as_py()
@@ -179,12 +181,12 @@ def test_places_need_segments_that_tell_them(style):
 def test_intrinsics_need_a_camera():
     table = segments({"a": objects(("bed", 0.1))})
     with pytest.raises(UsageError, match="nyuv2/train/a has no focal lengths"):
-        build(style="intrinsics")(table, samples(table))
+        options_of.call(write.build, style="intrinsics")(table, samples(table))
 
 
 def test_images_without_objects_need_neither_centers_nor_labels():
     table = segments({"a": [], "b": objects(("bed", 0.1, (1.0, 1.0)))})
-    written = build(style="located", variants=1)(table, samples(table))
+    written = options_of.call(write.build, style="located", variants=1)(table, samples(table))
     assert written["text"].to_pylist() == [
         "An image.",
         "An image with a bed located at (1,1) occupying 10.00% of the image",
@@ -193,7 +195,7 @@ def test_images_without_objects_need_neither_centers_nor_labels():
 
 def test_grouping_what_stands_by_itself_is_refused():
     with pytest.raises(UsageError, match="each object by itself"):
-        build(style="located", group=True)
+        options_of.call(write.build, style="located", group=True)
 
 
 @pytest.mark.parametrize(
@@ -202,17 +204,17 @@ def test_grouping_what_stands_by_itself_is_refused():
 def test_options_out_of_range(wrong):
     name, value = next(iter(wrong.items()))
     with pytest.raises(UsageError, match=f"{name}: expected .* found {value}"):
-        build(**wrong)
+        options_of.call(write.build, **wrong)
 
 
 def test_unknown_style_names_the_nearest():
     with pytest.raises(UsageError, match="Did you mean 'occupancy'"):
-        build(style="ocupancy")
+        options_of.call(write.build, style="ocupancy")
 
 
 def test_version_and_tokenizer_stand_with_the_text():
     table = segments({"a": objects(("bed", 0.1))})
-    written = build(variants=1)(table, samples(table))
+    written = options_of.call(write.build, variants=1)(table, samples(table))
     assert written.schema.field("text").metadata == {
         b"style": b"occupancy",
         b"style_version": b"1",
@@ -223,7 +225,7 @@ def test_version_and_tokenizer_stand_with_the_text():
 
 def test_columns_of_a_row():
     table = segments({"a": objects(("bed", 0.25), ("cup", 0.125))})
-    written = build(variants=1, max_tokens=17)(table, samples(table))
+    written = options_of.call(write.build, variants=1, max_tokens=17)(table, samples(table))
     row = written.drop_columns(["text_id"]).to_pylist()
     assert row == [
         {

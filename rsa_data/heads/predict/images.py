@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...common.errors import RowError, RsaDataError, UsageError
+from ...common.options import call
 from .choices import Models
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def describer(
     if is_model and importlib.util.find_spec("pycocotools"):
         options["masks"] = True
     find = detect.build(dataset=folder(), root=root, **options)
-    tell = write.build(**captions_of(about, models)) if about else None
+    tell = call(write.build, **captions_of(about, models)) if about else None
     blank = dict.fromkeys(schemas.schema("samples").names)
 
     def describe(name: str) -> tuple[Segments, str]:
