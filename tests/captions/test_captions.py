@@ -138,9 +138,8 @@ def by_characters() -> Tokenizer:
 
 def test_tokenizers_that_do_not_add_up_are_asked_about_the_whole_text():
     wording = registry.resolve("style", registry.STYLES, "occupancy")
-    recipe = Recipe(
-        wording, by_characters(), 55, 4, 0, 0.0, None, "all", False, 2, 0.0, 0, "street"
-    )
+    augmentation = Augmentation(variants=4, delete=0.0)
+    recipe = Recipe(wording, by_characters(), 55, augmentation, Contents(), WrongObjects())
     table = segments({"a": ROOM, "b": ROOM[:1], "c": []})
     names = [s["label"] for s in ROOM]
     label = np.array([0, 1, 2, 3, 4, 5, 0], np.int32)
