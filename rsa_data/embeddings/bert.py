@@ -69,7 +69,8 @@ class Bert(nn.Module):
         super().__init__()
         width, eps = config.hidden_size, config.layer_norm_eps
         # Zeros, because drawing random weights that are replaced would take a while.
-        self.words = nn.Embedding.from_pretrained(torch.zeros(config.vocab_size, width))
+        zeros = torch.zeros(config.vocab_size, width)
+        self.words = nn.Embedding(config.vocab_size, width, _weight=zeros)
         # With the embedding of the one token type that there is.
         self.positions = nn.Parameter(torch.zeros(config.max_position_embeddings, width))
         self.norm = nn.LayerNorm(width, eps)

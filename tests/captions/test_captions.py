@@ -15,8 +15,8 @@ from rsa_data import registry
 from rsa_data.captions import write
 from rsa_data.captions.assemble import Column, texts
 from rsa_data.captions.choose import Chosen
-from rsa_data.captions.compose import Recipe
-from rsa_data.captions.options import compose
+from rsa_data.captions.compose import Recipe, compose
+from rsa_data.captions.options import Augmentation, Contents, WrongObjects
 from rsa_data.common import options as options_of
 from rsa_data.common.errors import RsaDataError
 from rsa_data.common.tokenizers import Tokenizer, clip
