@@ -178,11 +178,13 @@ def write_captions(
     """
     from ..captions import write
     from ..common import entries
+    from ..common.options import call
 
     entries.allow([style])
     found = [[_segment(s) for s in image] for image in segments]
     ids = [f"notebook/train/{k}" for k in range(len(found))]
-    step = write.build(style=style, variants=variants, seed=seed, **options)
+    asked = {"style": style, "variants": variants, "seed": seed, **options}
+    step = call(write.build, **asked)
     texts = step(_segments_table(ids, found), _samples_table(ids))["text"].to_pylist()
     return [texts[k * variants : (k + 1) * variants] for k in range(len(found))]
 
