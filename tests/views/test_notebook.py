@@ -7,6 +7,7 @@ import rooms
 from made_tables import write
 
 import rsa_data
+from rsa_data.common import options
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.store.tables import WorkDir
 
@@ -83,7 +84,8 @@ def test_captions_are_those_of_the_stage():
 
     ids = [f"notebook/train/{k}" for k in range(5)]
     table = rooms.segment_rows(ids)
-    expected = captions.build(variants=2)(table, rooms.sample_rows(ids))["text"].to_pylist()
+    step = options.call(captions.build, variants=2)
+    expected = step(table, rooms.sample_rows(ids))["text"].to_pylist()
     images = [
         [{"label": a, "area": b} for a, b in zip(row["label"], row["area"], strict=True)]
         for row in table.to_pylist()
