@@ -1,6 +1,5 @@
 """Images in tar or zip shards, as WebDataset, img2dataset and NeMo Curator write them."""
 
-import json
 import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,10 +11,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..common import bounded
 from ..common.errors import RowError, RsaDataError, UsageError
 from . import tar_members, zip_members
-from .cameras import UNKNOWN, Camera, from_numbers
 from .dataset import Dataset
 from .depth_files import UNITS, any_file
 from .folder import scene
@@ -23,7 +20,8 @@ from .images import SUFFIXES
 from .listing import Sample, files_below, inside, paths, require_folder, to_table
 from .roots import is_remote
 from .shard_file import Shard
-from .shards import address, located, shard_of
+from .shard_records import camera_of, read_json, text_of
+from .shards import address, shard_of
 from .tar_members import Entry
 
 _SPLIT = re.compile(r"(?:.*/)?(train|test|val)(?:idation)?(?:[-_./].*)?\.\w+")
@@ -239,46 +237,18 @@ def _sample(root: Path, shard: str, fields: Fields, key: str, parts: dict[str, E
         image = found[0] if found else ""
     about: dict[str, Any] = {}
     if fields.scene or fields.split or fields.intrinsics:
-        about = _json(root, shard, parts.get("json"), where)
+        about = read_json(root, shard, parts.get("json"), where)
     stem = shard.rpartition("/")[2].partition(".")[0]
     key = key if fields.keys == "member" else f"{stem}/{key}"
     return Sample(
-        split=_text(about, fields.split, where) or split_of(shard),
+        split=text_of(about, fields.split, where) or split_of(shard),
         key=key,
-        scene=_text(about, fields.scene, where) or scene(key),
+        scene=text_of(about, fields.scene, where) or scene(key),
         image=_address(shard, parts.get(image.lower())),
         depth=_address(shard, parts.get((fields.depth or "").lower())),
-        camera=_camera(about, fields.intrinsics, where),
+        camera=camera_of(about, fields.intrinsics, where),
     )
 
 
 def _address(shard: str, entry: Entry | None) -> str | None:
     return None if entry is None else address(shard, entry.place, entry.size, entry.name)
-
-
-def _json(root: Path, shard: str, entry: Entry | None, where: str) -> dict[str, Any]:
-    if entry is None:
-        raise RsaDataError(f"{where}: expected a member .json with its fields, found none")
-    path = address(shard, entry.place, entry.size, entry.name)
-    try:
-        found = bounded.parse_json(bounded.read(located(root / path), "record"))
-    except (ValueError, RowError) as error:
-        raise RsaDataError(f"{where}.json: expected JSON, found: {error}") from error
-    if not isinstance(found, dict):
-        raise RsaDataError(f"{where}.json: expected an object, found {json.dumps(found):.60}")
-    return found
-
-
-def _text(about: dict[str, Any], field: str | None, where: str) -> str | None:
-    if field is None:
-        return None
-    value = about.get(field)
-    if not isinstance(value, (str, int)) or not str(value) or "/" in str(value):
-        raise RsaDataError(f"{where}.json: {field}: expected a name without /, found {value!r:.60}")
-    return str(value)
-
-
-def _camera(about: dict[str, Any], field: str | None, where: str) -> Camera:
-    if field is None or about.get(field) is None:
-        return UNKNOWN
-    return from_numbers(about[field], f"{where}.json: {field}")

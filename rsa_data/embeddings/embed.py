@@ -17,6 +17,7 @@ from ..runner.stage import Notes, Reads, Stage
 from ..store import schemas
 from . import audit, runtime
 from .encoder import Encoder, Ids, TextModel
+from .features import check_finite, stored
 from .running import Precision, Run
 from .runtime import Device, Runtime
 
@@ -71,7 +72,7 @@ def build(
         for rows, found in run(model.batches(ids, model.budget)):
             features[rows] = found
             told.add(int(lengths[rows].sum()))
-        _check_finite(features, texts)
+        check_finite(features, texts)
         figures = {}
         if precision != "float32" and texts:
             rows = audit.sample(len(texts), part_number(captions))
@@ -83,7 +84,7 @@ def build(
             "embeddings",
             {
                 "text_id": text_id,
-                "embedding": schemas.embedding_column(_stored(features, store)),
+                "embedding": schemas.embedding_column(stored(features, store)),
                 "n_tokens": lengths,
                 "truncated": truncated,
             },
@@ -150,7 +151,7 @@ def loaded(
 
     def encode(texts: Sequence[str]) -> np.ndarray:
         features = _all(run, model, model.tokenize(list(texts))[0])
-        _check_finite(features, texts)
+        check_finite(features, texts)
         return features / np.linalg.norm(features, axis=1, keepdims=True) if normalize else features
 
     return encode
@@ -214,27 +215,6 @@ def _all(run: Run, model: TextModel, ids: Ids) -> np.ndarray:
     for rows, found in run(model.batches(ids, model.budget)):
         features[rows] = found
     return features
-
-
-def _stored(features: np.ndarray, store: str) -> np.ndarray:
-    with np.errstate(over="ignore"):
-        stored = features.astype(store)
-    if not np.isfinite(stored).all():
-        raise RsaDataError(
-            f"embed: a feature holds {np.abs(features).max():.3g}, which {store} cannot: use "
-            "--store float32"
-        )
-    return stored
-
-
-def _check_finite(features: np.ndarray, texts: Sequence[str]) -> None:
-    good = np.isfinite(features).all(1) & features.any(1)
-    if not good.all():
-        text = texts[int(np.flatnonzero(~good)[0])]
-        raise RsaDataError(
-            f"embed: expected a finite feature that is not all zero for {text[:60]!r}; found none. "
-            "Are the weights damaged?"
-        )
 
 
 STAGE = Stage(

@@ -4,17 +4,15 @@ A metric is an object here or in a module of its own, and a line in registry.MET
 the metrics table, summaries, reports and exports follow from that list.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Literal
 
 import numpy as np
-import pyarrow as pa
 
 from .. import registry
 from ..common.errors import RsaDataError
-from ..store import schemas
 
 
 class Pixels:
@@ -238,19 +236,3 @@ def as_array(values: Any) -> np.ndarray:
     if hasattr(values, "detach"):
         values = values.detach().cpu().double().numpy()
     return np.asarray(values, np.float64)
-
-
-def to_table(rows: Sequence[dict[str, Any]]) -> pa.Table:
-    """The metrics table: the columns of schemas/metrics.toml, then one for each metric.
-
-    rows : a dict for each image and method; what is missing in one is null. Raises RsaDataError
-    where a row lacks what may not be null.
-    """
-    names = schemas.schema("metrics").names
-    table = schemas.from_columns("metrics", {n: [row.get(n) for row in rows] for n in names})
-    schemas.check("metrics", table)
-    for name, metric in metrics().items():
-        about = {"formula": metric.formula, "unit": metric.unit, "source": metric.source}
-        field = pa.field(name, pa.float64(), metadata=about)
-        table = table.append_column(field, pa.array([row.get(name) for row in rows], pa.float64()))
-    return table

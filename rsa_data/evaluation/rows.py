@@ -9,7 +9,8 @@ import pyarrow as pa
 from ..common.errors import RowError
 from .inputs import Image, TestPart
 from .methods import Method, Prediction
-from .metrics import clip, errors_of_valid, to_table
+from .metrics import clip, errors_of_valid
+from .metrics_table import to_table
 from .protocols import Rules
 
 

@@ -15,7 +15,7 @@ from rsa_data.common.errors import UsageError
 from rsa_data.evaluation import breakdown, formats, paper, plots, spread
 from rsa_data.evaluation.contenders import plans
 from rsa_data.evaluation.inputs import TestPart
-from rsa_data.evaluation.metrics import to_table
+from rsa_data.evaluation.metrics_table import to_table
 from rsa_data.evaluation.scenes import one_description
 from rsa_data.evaluation.setting import rules_of
 from rsa_data.evaluation.summary import Row, summarise
