@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from .heads.checkpoint import ScaleHead as ScaleHead
     from .heads.metric import to_metric as to_metric
     from .views.notebook import embed_texts as embed_texts
-    from .views.notebook import open_work as open_work
     from .views.notebook import predict_depth as predict_depth
     from .views.notebook import write_captions as write_captions
+    from .views.open_work import open_work as open_work
     from .views.torch_dataset import ShardDataset as ShardDataset
 
 # Imported when first used: torch takes seconds, `rsa-data --help` should not.
@@ -23,7 +23,7 @@ _PUBLIC = {
     "to_metric": "rsa_data.heads.metric",
     "depth_errors": "rsa_data.evaluation.metrics",
     "RsaDataError": "rsa_data.common.errors",
-    "open_work": "rsa_data.views.notebook",
+    "open_work": "rsa_data.views.open_work",
     "write_captions": "rsa_data.views.notebook",
     "embed_texts": "rsa_data.views.notebook",
     "predict_depth": "rsa_data.views.notebook",

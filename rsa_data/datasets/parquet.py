@@ -16,8 +16,9 @@ from .dataset import Dataset
 from .folder import scene as scene_of
 from .listing import Sample, stem, to_table
 from .shard_file import Shard
+from .shard_listing import find_shards, split_of
 from .shards import address, shard_of
-from .webdataset import find_shards, shard_depth, split_of
+from .webdataset import shard_depth
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,14 @@ from .dataset import Dataset
 from .depth_files import UNITS, any_file
 from .folder import scene
 from .images import SUFFIXES
-from .listing import Sample, files_below, inside, paths, require_folder, to_table
+from .listing import Sample, inside, to_table
 from .roots import is_remote
 from .shard_file import Shard
+from .shard_listing import find_shards, split_of
 from .shard_records import camera_of, read_json, text_of
 from .shards import address, shard_of
 from .tar_members import Entry
 
-_SPLIT = re.compile(r"(?:.*/)?(train|test|val)(?:idation)?(?:[-_./].*)?\.\w+")
 # A sample's key is its name up to the first dot after the last slash, as WebDataset cuts it.
 _NAME = re.compile(r"((?:.*/)?[^/.]+)\.([^/]+)", re.DOTALL)
 _LISTED_AT_ONCE = 16
@@ -156,30 +156,6 @@ def shard_depth(
 def no_depth(path: Path) -> np.ndarray:
     """In place of a reader of ground truth where the dataset has none."""
     raise RowError("the dataset was indexed without depth")
-
-
-def find_shards(name: str, root: Path, suffix: str, listed: Path | None) -> list[str]:
-    """Paths of the shards below a root, sorted; raises RsaDataError when there is none."""
-    if listed is not None:
-        found = sorted({path for _, path in paths(listed, name)})
-    else:
-        require_folder(name, root)
-        files = [below + file for below, names in files_below(root) for file in names]
-        found = sorted(file for file in files if file.endswith(suffix))
-        if not found:
-            others = ", ".join(sorted(files)[:4]) or "no file"
-            raise RsaDataError(
-                f"{name}: {root}: expected shards *{suffix} in it, found {others}"
-                + ("; unpack .gz first: what is packed cannot be read from the middle"
-                   if any(file.endswith(suffix + ".gz") for file in files) else "")
-            )  # fmt: skip
-    return found
-
-
-def split_of(shard: str) -> str:
-    """The split that a shard's folder or name says; train where they say none."""
-    match = _SPLIT.fullmatch(shard)
-    return match[1] if match else "train"
 
 
 def _index(

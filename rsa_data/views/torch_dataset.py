@@ -6,17 +6,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import torch
-from torch.utils.data import Dataset, IterableDataset, get_worker_info
+from torch.utils.data import Dataset, IterableDataset
 
-from ..common.errors import RsaDataError, UsageError
-from ..heads.belong import Source, Tables
+from ..common.errors import UsageError
+from ..heads.belong import Tables
 from ..heads.sources import sources
 from ..heads.train.examples import Examples, join, read_part
 from ..heads.train.validation_split import by_scene
 from ..store.tables import WorkDir
-
-Item = dict[str, Any]
+from .torch_batches import Item, batch_of, parts_of, share_of_work
 
 
 class ShardDataset(Dataset[Item]):
@@ -61,7 +59,7 @@ class ShardDataset(Dataset[Item]):
         self.location, self.dataset = work.store.location, dataset
         tables = Tables((dataset,), style, encoder, depth_model)
         self.source = sources(work, tables, "", ())[0]
-        self.parts = _parts(work, self.source, split)
+        self.parts = parts_of(work, self.source, split)
         self._cached = lru_cache(4)(self._read)
         self._ends: np.ndarray | None = None
 
@@ -83,7 +81,7 @@ class ShardDataset(Dataset[Item]):
         place = int(np.searchsorted(ends, index, side="right"))
         examples, ids = self._cached(self.parts[place])
         row = index - int(ends[place - 1] if place else 0)
-        batch = _batch(examples, ids, np.array([row]), np.zeros(1))
+        batch = batch_of(examples, ids, np.array([row]), np.zeros(1))
         return {name: values[0] for name, values in batch.items()}
 
     def held_out(self, share: float = 0.1) -> np.ndarray:
@@ -191,7 +189,7 @@ class ShardStream(IterableDataset[Item]):
                 if skip >= self._taken + count:
                     self._taken += count
                     continue
-                batch = _batch(examples, ids, rows[chosen], drawn[chosen])
+                batch = batch_of(examples, ids, rows[chosen], drawn[chosen])
                 if self.batch_size is not None:
                     self._taken += count
                     yield batch
@@ -206,7 +204,7 @@ class ShardStream(IterableDataset[Item]):
         parts = np.arange(len(self.data.parts))
         if self.shuffle:
             parts = np.random.default_rng((self.seed, self._epoch)).permutation(parts)
-        mine, of = _share()
+        mine, of = share_of_work()
         parts = parts[mine::of]
         for start in range(0, len(parts), self.window):
             chosen = parts[start : start + self.window]
@@ -228,42 +226,3 @@ class ShardStream(IterableDataset[Item]):
             return np.arange(count)
         end = int(self.data.ends()[place])
         return np.flatnonzero(self.keep[end - count : end])
-
-
-def _share() -> tuple[int, int]:
-    """(number of this process, number of processes): loader workers of all ranks."""
-    info = get_worker_info()
-    worker, workers = (info.id, info.num_workers) if info is not None else (0, 1)
-    rank, ranks = 0, 1
-    if torch.distributed.is_available() and torch.distributed.is_initialized():
-        rank, ranks = torch.distributed.get_rank(), torch.distributed.get_world_size()
-    return rank * workers + worker, ranks * workers
-
-
-def _batch(examples: Examples, ids: np.ndarray, rows: np.ndarray, drawn: np.ndarray) -> Item:
-    """drawn : float64 (b,), 0 to below 1: which of an image's captions; 0 is the plain one."""
-    return {
-        "feature": examples.rows(rows, drawn).astype(np.float32),  # (b, dim)
-        "relative": examples.relative[rows].astype(np.float32),  # (b, k)
-        "metric": examples.metric[rows].astype(np.float32),  # (b, k)
-        "fit": examples.fit[rows],  # (b, 2)
-        "sample_id": ids[rows].tolist(),
-    }
-
-
-def _parts(work: WorkDir, source: Source, split: str) -> list[int]:
-    """The parts of a split; raises RsaDataError unless every table has all of them."""
-    samples = work.table(source.dataset, "samples")
-    receipts = list(samples.receipts(samples.parts()))
-    parts = [r.part for r in receipts if r.split == split]
-    if not parts:
-        there = sorted({r.split for r in receipts})
-        raise UsageError(f"{source.dataset}: split {split!r}: expected one of {', '.join(there)}")
-    for name in source.tables:
-        missing = sorted(set(parts) - set(work.table(source.dataset, name).parts()))
-        if missing:
-            raise RsaDataError(
-                f"{source.dataset}/{name}: {len(missing)} of {len(parts)} parts of the split "
-                f"{split} are not done, such as {missing[0]}. Run the command of its stage again"
-            )
-    return parts
