@@ -63,7 +63,6 @@ def is_private(name: str) -> bool:
     return name.startswith("_") and not name.startswith("__")
 
 
-@pytest.mark.xfail(reason="retry counts that the new object store replaces")
 @pytest.mark.parametrize("folder", ["tests", "benchmarks"])
 def test_no_test_reaches_into_private_names(folder):
     trees = {p: ast.parse(p.read_text("utf-8")) for p in sorted((ROOT / folder).rglob("*.py"))}

@@ -12,7 +12,7 @@ import msgspec
 from . import bounded, forms, typed
 from .errors import RsaDataError, unknown
 
-_CARDS = Path(__file__).parent / "model_cards"
+CARDS = Path(__file__).parent / "model_cards"
 
 
 class Card(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,12 +73,12 @@ def read_card(path: Path) -> Card:
 
 def names(kind: str) -> list[str]:
     """The names of the shipped cards of a kind."""
-    return [p.stem for p in sorted(_CARDS.glob("*.toml")) if read_card(p).kind == kind]
+    return [p.stem for p in sorted(CARDS.glob("*.toml")) if read_card(p).kind == kind]
 
 
 def about(name: str) -> str | None:
     """What a shipped card says of its model, with the licence; None where it says nothing."""
-    path = _CARDS / f"{name}.toml"
+    path = CARDS / f"{name}.toml"
     card = read_card(path) if path.is_file() else None
     if card is None or card.about is None:
         return None
@@ -88,9 +88,9 @@ def about(name: str) -> str | None:
 
 def card_path(name: str) -> Path:
     """The file of a shipped card; raises UsageError, with the nearest name, when there is none."""
-    path = _CARDS / f"{name}.toml"
+    path = CARDS / f"{name}.toml"
     if not path.is_file():
-        raise unknown("model", name, (p.stem for p in _CARDS.glob("*.toml")))
+        raise unknown("model", name, (p.stem for p in CARDS.glob("*.toml")))
     return path
 
 

@@ -159,7 +159,7 @@ class Nodes:
 
 
 def test_lost_nodes_are_counted_once_in_the_log(monkeypatch, caplog):
-    monkeypatch.setattr(ray_cluster, "_EVERY", 0.01)
+    monkeypatch.setattr(ray_cluster, "EVERY", 0.01)
     ray = Nodes()
     watch = ray_cluster.Watch(ray, {"CPU": 1.0}, local=False)
     while ray.asked < 5:

@@ -29,7 +29,7 @@ def served(tmp_path, monkeypatch):
     files.mkdir()
     own = tmp_path / "cards"
     shutil.copytree(Path(cards.__file__).parent / "model_cards", own)
-    monkeypatch.setattr(cards, "_CARDS", own)
+    monkeypatch.setattr(cards, "CARDS", own)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
     class Quiet(http.server.SimpleHTTPRequestHandler):

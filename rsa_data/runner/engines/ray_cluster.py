@@ -29,7 +29,7 @@ BEGIN_WITHIN = float(os.environ.get("RSA_DATA_RAY_BEGIN_WITHIN", 900))
 HEAD_WITHIN = 40.0
 
 # Between looks at the nodes, and the longest wait for Ray's own end, in seconds.
-_EVERY, _LEAVE_WITHIN = 2.0, 10.0
+EVERY, _LEAVE_WITHIN = 2.0, 10.0
 
 _log = logging.getLogger(__name__)
 
@@ -154,17 +154,17 @@ class Watch:
                 + ". Finished parts are kept: run the same command again on a cluster with room, "
                 "or with other --device, --threads"
             )
-        if not fits and not self.said and waited > 2 * _EVERY:
+        if not fits and not self.said and waited > 2 * EVERY:
             self.said = True
             notice(f"Waiting {within:.0f} s for a node with room: a worker takes {needs}")
 
     def stop(self) -> None:
         """No more looks; waits for the one that is under way, if it ends."""
         self.ended.set()
-        self.thread.join(_EVERY)
+        self.thread.join(EVERY)
 
     def _look(self) -> None:
-        while not self.ended.wait(_EVERY):
+        while not self.ended.wait(EVERY):
             try:
                 nodes = self.ray.nodes()
             except Exception:  # as good as no answer; Ray has no base class for it
