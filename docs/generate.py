@@ -46,8 +46,8 @@ receipt names yet; a finished one holds exactly its parts.
 Tables of version 0.1 have the same helper files without the underscore. They are read, continued
 and verified as they are; `--start-over` makes one under the new names.
 
-A schema's version goes up when a column changes its meaning or type; CHANGELOG.md says then what to
-do with tables of the version before.
+A schema's version goes up when a column is added, is removed, or changes its meaning or type;
+CHANGELOG.md says then what to do with tables of the version before.
 """
 
 

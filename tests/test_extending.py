@@ -7,12 +7,15 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from own_models import write_graph
 from PIL import Image
 
+from rsa_data.heads.inputs.kinds import Feed
 from rsa_data.store.tables import WorkDir
 
 PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text("utf-8")
@@ -141,3 +144,24 @@ def test_a_name_that_nobody_knows_lists_installed_ones_too(folder):
     install(folder)
     said = shell("rsa-data captions --dataset office --style share", folder, code=2)
     assert "Did you mean 'shares'" in said
+
+
+def test_examples_of_a_loss_a_metric_and_an_input_compute_what_they_say(tmp_path):
+    torch = pytest.importorskip("torch")
+    made = {}
+    for name in ("inverse-l1", "within10cm", "focal"):
+        exec(BLOCKS[name], made)
+    predicted, true = torch.tensor([[1.0, 2.0]]), torch.tensor([[2.0, 4.0]])
+    assert made["INVERSE_L1"].of(predicted, true).tolist() == [0.375]
+    depth = np.array([1.0, 2.0, 3.0, 4.0])
+    gone = np.array([0.05, 0.5, -0.05, 0.0])
+    assert made["WITHIN"].of(SimpleNamespace(difference=gone, gt=depth)) == 0.75
+    samples = pa.table({"fx": [500.0, None, 700.0]})
+    work = SimpleNamespace(
+        table=lambda dataset, name: SimpleNamespace(read=lambda n, columns: samples.select(columns))
+    )
+    feed = Feed("focal", made["FOCAL"].table)
+    block = made["FOCAL"].read(work, "x", feed, 0, None)
+    assert block.there.tolist() == [True, False, True] and block.width == 1
+    rows = block.rows(np.array([0, 2]), np.zeros(2))
+    assert rows.tolist() == [[500.0], [700.0]] and rows.dtype == np.float32
