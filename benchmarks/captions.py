@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from rsa_data import registry
 from rsa_data.captions.blocks import composer
-from rsa_data.captions.columns import caption_table
+from rsa_data.captions.caption_table import caption_table
 from rsa_data.captions.compose import Recipe
 from rsa_data.captions.options import Augmentation, Contents, WrongObjects
 from rsa_data.captions.words import word

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ..common.splitmix import mix
-from .nouns import names
+from .noun_exceptions import names
 from .objects import Objects, largest_first
 
 Domain = Literal["street", "indoor"]

@@ -10,8 +10,8 @@ from ..common.class_names import clean
 from ..common.errors import RsaDataError
 from ..common.progress import advance
 from .assemble import MAX_BYTES
+from .caption_table import Columns
 from .choose import CAPTIONS_A_BLOCK
-from .columns import Columns
 from .compose import Recipe, compose
 
 _MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")

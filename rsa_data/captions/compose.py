@@ -11,8 +11,8 @@ import pyarrow as pa
 from ..common.tokenizers import Tokenizer
 from . import augment, chance
 from .assemble import Column, texts
+from .caption_table import Columns
 from .choose import Chosen, choose
-from .columns import Columns
 from .objects import Objects, from_segments
 from .options import Augmentation, Contents, WrongObjects
 from .wordings.wording import NOTHING, Wording

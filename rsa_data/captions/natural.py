@@ -20,7 +20,7 @@ from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
 from ..datasets import rsa_files
 from ..datasets.shards import name_of
-from .columns import caption_table
+from .caption_table import caption_table
 from .wordings.wording import NOTHING
 
 VERSION = 1

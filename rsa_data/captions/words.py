@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from ..common.class_names import clean
-from .nouns import MASS, PAIRS, PLURAL, PLURALS
+from .noun_exceptions import MASS, PAIRS, PLURAL, PLURALS
 
 
 @dataclass(frozen=True)

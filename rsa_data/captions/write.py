@@ -13,7 +13,7 @@ from ..common.options import call, grouped, parameters
 from ..runner.stage import Notes, Reads, Stage
 from . import natural, summary, vlm
 from .blocks import composer
-from .columns import caption_table
+from .caption_table import caption_table
 from .compose import Recipe
 from .options import Augmentation, Contents, WrongObjects
 from .vlm import Asked

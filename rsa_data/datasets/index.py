@@ -15,7 +15,7 @@ from .. import registry
 from ..common import options as option_binding
 from ..common.errors import RsaDataError, UsageError
 from ..store import schemas
-from ..store.names import check_dataset_name
+from ..store.table_names import check_dataset_name
 from ..store.tables import Description, Made, WorkDir, fingerprint
 from . import left_out
 from .dataset import Dataset

@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow as pa
 
 from ..heads.belong import Tables
-from ..store.names import comparison_folder
+from ..store.table_names import comparison_folder
 from ..store.tables import WorkDir
 from . import breakdown, formats, output, paired, plots
 from .constants import fit_constants

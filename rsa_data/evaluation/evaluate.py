@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from ..common.errors import UsageError
 from ..heads.belong import Tables
-from ..store.names import head_folder
+from ..store.table_names import head_folder
 from ..store.tables import WorkDir
 from . import output
 from .breakdown import by_description

@@ -110,7 +110,7 @@ def label_of(name: str, head: "ScaleHead") -> str:
 
 def head_method(head: "ScaleHead", source: "Source") -> Method:
     """A head on a dataset's tables; a control sees no more than it was trained to see."""
-    from ..heads.train.controls import controlled_features
+    from ..heads.train.control_heads import controlled_features
 
     see = partial(
         controlled_features,

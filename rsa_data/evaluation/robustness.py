@@ -14,7 +14,7 @@ from ..common.options import accepts_old_names, call
 from ..heads.belong import Source, Tables
 from ..heads.inputs.kinds import Feed, find
 from ..store import schemas
-from ..store.names import head_folder
+from ..store.table_names import head_folder
 from ..store.tables import WorkDir
 from . import output
 from .evaluate import Evaluation

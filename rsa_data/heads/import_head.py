@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ..common.errors import RsaDataError
-from ..store.names import head_folder
+from ..store.table_names import head_folder
 from ..store.tables import WorkDir
 from .checkpoint import ScaleHead
 

@@ -15,7 +15,7 @@ from ..common import http
 from ..common.errors import RsaDataError, UsageError
 from ..common.files import write
 from ..common.model_files import download
-from ..store.names import head_folder
+from ..store.table_names import head_folder
 from ..store.tables import WorkDir, to_json
 from .card import model_card
 

@@ -8,7 +8,7 @@ from typing import Any
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..datasets.roots import is_remote
-from ..store.names import check_dataset_name, is_name
+from ..store.table_names import check_dataset_name, is_name
 from ..store.tables import WorkDir
 from . import jobs, limits, runs, selection, stages
 from . import plan as planning

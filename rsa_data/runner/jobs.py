@@ -7,7 +7,7 @@ from typing import Any
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import current
 from ..datasets import index
-from ..store.names import check_name
+from ..store.table_names import check_name
 from ..store.tables import Table, WorkDir
 from . import stages
 from .stage import Options, Stage

@@ -10,7 +10,7 @@ from .. import registry
 from ..common import options as binding
 from ..common.entries import Entries
 from ..common.errors import UsageError
-from ..store.names import check_name
+from ..store.table_names import check_name
 from .stage import GIVEN, Options, Stage
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from ..common.errors import RsaDataError
 from ..common.units import size
-from ..store.names import KEPT
 from ..store.receipts import is_table
+from ..store.table_names import KEPT
 from ..store.tables import Table, WorkDir
 from . import status
 from .check_parts import Checked, check_part

@@ -22,13 +22,13 @@ from .encoding import differences, encoded, short
 from .encoding import fingerprint as fingerprint
 from .encoding import to_json as to_json
 from .failpoints import failpoint
-from .names import check_name
 from .receipts import LOCAL, MANIFEST, TABLE, Receipts, is_table
 from .stores import open_store
 from .structures import Description as Description
 from .structures import Made as Made
 from .structures import Receipt as Receipt
 from .structures import T
+from .table_names import check_name
 
 
 class WorkDir:

@@ -9,7 +9,7 @@ import rooms
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.report.build import report
-from rsa_data.views.report.meaning import components, scene_type
+from rsa_data.views.report.features_map import components, scene_type
 
 
 class Page(HTMLParser):

@@ -12,7 +12,7 @@ import torch
 from ... import registry
 from ...common.errors import RsaDataError
 from ...store.failpoints import failpoint
-from ...store.names import head_folder
+from ...store.table_names import head_folder
 from ...store.tables import Description as TableDescription
 from ...store.tables import Table, WorkDir, fingerprint
 from .. import description as forms

@@ -9,7 +9,7 @@ from ...common.errors import RsaDataError
 from ...store.tables import WorkDir
 from ..inputs.vectors import Vectors
 from ..predict.calibration import references
-from .controls import controlled
+from .control_heads import controlled
 from .examples import Examples, join, read_part, select
 from .plan import Plan
 from .validation_split import by_scene

@@ -13,9 +13,9 @@ from ...common.errors import RsaDataError, UsageError
 from ...common.html import Html, join, tag
 from ...common.units import size
 from ...store.tables import WorkDir
+from .features_map import meaning
 from .gallery import gallery
 from .lineage import head_names, lineage
-from .meaning import meaning
 from .training import heads
 from .words import content
 

@@ -15,7 +15,7 @@ from ...evaluation.inputs import TestPart
 from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
 from ...segments.segments import Segments
-from ...store.names import head_folder
+from ...store.table_names import head_folder
 from ...store.tables import WorkDir
 from .lineage import head_description, head_names
 from .words import spread

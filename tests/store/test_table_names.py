@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.store.names import check_dataset_name, is_name
+from rsa_data.store.table_names import check_dataset_name, is_name
 from rsa_data.store.tables import WorkDir
 
 BAD = [

@@ -8,8 +8,8 @@ from ..common.class_names import ClassTable
 from ..common.errors import RsaDataError
 from .decoding import Decoder, Outputs
 from .found import Found
+from .inside_nms import coordinates
 from .preprocess import Geometry
-from .suppressed import coordinates
 from .yolo import of_prototypes
 
 _NEEDED = {"x1", "y1", "x2", "y2", "score", "class"}
