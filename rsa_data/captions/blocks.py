@@ -10,11 +10,9 @@ from ..common.class_names import clean
 from ..common.errors import RsaDataError
 from ..common.progress import advance
 from .assemble import MAX_BYTES
-from .caption_table import Columns
+from .caption_table import Columns, measured
 from .choose import CAPTIONS_A_BLOCK
 from .compose import Recipe, compose
-
-_MEASURED = ("text", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
 
 def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table], Columns]:
@@ -46,7 +44,7 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table], Columns]:
             "sample_id": segments["sample_id"].combine_chunks().take(pa.array(rows)),
             "variant": np.tile(np.arange(variants), len(segments)),
         }
-        for name in _MEASURED:
+        for name in measured():
             pieces = [block[name] for block in found]
             if name == "text":
                 columns[name] = pa.concat_arrays(pieces or [pa.array([], pa.string())])

@@ -8,8 +8,21 @@ import pyarrow as pa
 
 from ..store import schemas
 
+# Columns that say which caption a row is; all others but text_id are measured of its text.
+_WHICH = ("sample_id", "variant")
+
 # By name; a text is an Arrow array, numbers are NumPy arrays.
 Columns = dict[str, pa.Array | np.ndarray]
+
+
+def measured() -> list[str]:
+    """Names of the columns that `compose` makes, in the order of the schema."""
+    return [n for n in schemas.schema("captions").names if n not in (*_WHICH, "text_id")]
+
+
+def of_objects() -> list[str]:
+    """Those of them that count objects or sum their shares: 0 for a text that was imported."""
+    return [name for name in measured() if name not in ("text", "n_tokens")]
 
 
 def caption_table(columns: Columns, metadata: Mapping[str, str]) -> pa.Table:

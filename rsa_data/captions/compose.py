@@ -41,7 +41,7 @@ _LOOSENED = 8
 def compose(
     recipe: Recipe, segments: pa.Table, samples: pa.Table, label: np.ndarray, names: list[str]
 ) -> Columns:
-    """The columns of the captions of a block: text, n_tokens, n_objects, n_kept, area, area_kept.
+    """The columns of the captions of a block that `measured` names.
 
     The images of a block times the variants are at most choose.CAPTIONS_A_BLOCK; all rows are ok.
 
@@ -153,7 +153,7 @@ def _empty(chosen: Chosen) -> np.ndarray:
 
 
 def _kept(found: Objects, chosen: Chosen, variants: int) -> Columns:
-    """n_objects, n_kept, area and area_kept of each caption."""
+    """What is counted of each caption's objects; schemas/captions.toml declares the columns."""
     some = chosen.object >= 0
     caption, area = chosen.caption[some], found.area[chosen.object[some]]
     images, captions = len(found.first) - 1, len(chosen.n_tokens)

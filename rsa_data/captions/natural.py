@@ -20,7 +20,7 @@ from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
 from ..datasets import rsa_files
 from ..datasets.shards import name_of
-from .caption_table import caption_table
+from .caption_table import caption_table, of_objects
 from .wordings.wording import NOTHING
 
 VERSION = 1
@@ -70,7 +70,7 @@ def write_texts(
         "variant": variant,
         "text": pa.array(texts, pa.string()),
         "n_tokens": tokenizer.count(texts),
-        **dict.fromkeys(("n_objects", "n_kept", "area", "area_kept"), np.zeros(len(rows))),
+        **dict.fromkeys(of_objects(), np.zeros(len(rows))),
     }
     about = {"style": name, "style_version": str(VERSION), "tokenizer": tokenizer.name}
     return caption_table(columns, about)

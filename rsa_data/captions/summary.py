@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 from ..common.tokenizers import Tokenizer
 from .wordings.wording import NOTHING
 
+# What the sentences below are made of, not all that a captions table holds.
 COLUMNS = ("variant", "n_objects", "n_kept", "n_tokens", "area", "area_kept")
 
 # What else could be asked for, each tried on a part as it is.

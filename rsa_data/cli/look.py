@@ -87,7 +87,7 @@ def list_names(what: str | None, name: str | None) -> None:
     """List the names that options take.
 
     WHAT is one of datasets, segmenters, decoders, class-tables, styles, tokenizers, encoders,
-    image-encoders, depth-models, heads and jobs; all of them by default. With the NAME of a
+    image-encoders, depth-models, heads, losses and jobs; all of them by default. With the NAME of a
     dataset: where to get it, how its files must lie, and its options.
 
     \b
@@ -144,5 +144,6 @@ _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "image-encoders": lambda: registry.described(registry.IMAGE_ENCODERS),
     "depth-models": lambda: registry.described(registry.DEPTH_MODELS),
     "heads": lambda: registry.described(registry.HEADS),
+    "losses": lambda: registry.described(registry.LOSSES),
     "jobs": pipeline_files.described,
 }

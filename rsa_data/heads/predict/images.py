@@ -1,8 +1,6 @@
 """What predict needs of photos: their captions through a detector, and their relative depth."""
 
 import importlib.util
-import random
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,32 +14,10 @@ from .choices import Models
 if TYPE_CHECKING:
     from ...depth.model import Source
 
-_PARAPHRASES = 8
 # Without a head that names its own.
 DEPTH_MODEL = "depth-anything-v2-small"
 # For heads that do not say which captions they were trained on: the release's structured texts.
 STYLE = "release"
-
-
-def paraphrases(caption: str) -> list[str]:
-    """The caption with its objects in other orders: up to 8 texts, the same every time.
-
-    What stands after the first "with" and between commas and "and" counts as an object; a caption
-    of one object has none.
-    """
-    match = re.fullmatch(r"(.*?\bwith )(.+?)(\.?)", caption, re.DOTALL)
-    if not match:
-        return []
-    objects = re.split(r", and |, | and ", match[2])
-    if len(objects) < 2:
-        return []
-    found: list[str] = []
-    for seed in range(3 * _PARAPHRASES):
-        random.Random(seed).shuffle(objects)
-        text = f"{match[1]}{', '.join(objects)}{match[3]}"
-        if text != caption and text not in found:
-            found.append(text)
-    return found[:_PARAPHRASES]
 
 
 def segmenter_of(about: dict[str, Any], models: Models) -> dict[str, Any]:

@@ -95,7 +95,7 @@ class Run:
         if self.head is None:
             assert self.models.relative is not None
             return [Prediction(None, name=self.models.relative.name)]
-        return from_captions(self.head, self.texts, encoder=self.encode)
+        return from_captions(self.head, self.texts, encoder=self.encode, style=self.models.style)
 
     def _described(
         self, photos: list[Photo]
@@ -110,7 +110,9 @@ class Run:
                     text = text or own
                 p = Prediction(None)
                 if self.head is not None and text is not None:
-                    (p,) = from_captions(self.head, [text], encoder=self.encode)
+                    (p,) = from_captions(
+                        self.head, [text], encoder=self.encode, style=self.models.style
+                    )
                 p.name = photo.name
                 p.warnings += [photo.warning] if photo.warning else []
                 if segments is not None and not self.texts and not self.about.get("captions"):

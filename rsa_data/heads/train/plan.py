@@ -37,11 +37,11 @@ class Model:
 class Goal:
     """What is minimised.
 
-    loss : what is minimised at the sampled pixels: l1, huber, log-l1 or silog.
+    loss : what is minimised at the sampled pixels; see `rsa-data list losses`.
     supervision : learn from depth, from each image's own least-squares fit, or from both. Of a fit
         only what is positive counts, as a head's scale and shift are.
-    units : relative divides the errors of l1 and huber by the dataset's mean depth, so that
-        streets do not outweigh rooms; metres leaves them as they are.
+    units : relative divides a loss in metres by the dataset's mean depth, so that streets do not
+        outweigh rooms; metres leaves it as it is.
     balance : datasets lets each dataset weigh the same, images each image.
     log_loss : datasets whose loss in a batch enters as its logarithm, so that its size does not
         matter. The released code does so, for NYUv2 and VOID but not for KITTI, by a slip.

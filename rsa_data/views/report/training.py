@@ -3,10 +3,11 @@
 import csv
 import io
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow.parquet as pq
 
+from ... import registry
 from ...common import html
 from ...common.errors import RsaDataError
 from ...common.html import Html, tag
@@ -15,6 +16,9 @@ from ...evaluation.paper import paper_rows
 from ...store.tables import WorkDir
 from . import plots
 from .lineage import head_description, head_names
+
+if TYPE_CHECKING:
+    from ...heads.train.losses import Loss
 
 
 def _shown() -> dict[str, str]:
@@ -74,8 +78,23 @@ def _curves(work: WorkDir, name: str) -> list[Html]:
 
 def _loss_unit(work: WorkDir, name: str) -> str:
     options = head_description(work, name).get("options", {})
+    name, of = options.get("loss", "loss"), options.get("supervision", "depth")
+    # Of a fit, and of what enters as a logarithm, the error has no unit; a loss that is not
+    # known here says nothing of its own.
+    if (
+        options.get("log_loss")
+        or of != "depth"
+        or name not in registry.LOSSES
+        or not _loss(name).in_metres
+    ):
+        return f"{name} of {of}"
     unit = "m" if options.get("units") == "metres" else "share of mean depth"
-    return f"{options.get('loss', 'loss')} of {options.get('supervision', 'depth')} ({unit})"
+    return f"{name} of {of} ({unit})"
+
+
+def _loss(name: str) -> "Loss":
+    found: Loss = registry.resolve("loss", registry.LOSSES, name)
+    return found
 
 
 def _evaluations(work: WorkDir, name: str) -> list[Html]:
