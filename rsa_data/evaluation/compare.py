@@ -50,7 +50,7 @@ class Contest:
 class Recipe:
     """How each head of a comparison is trained.
 
-    loss : of each training; see `rsa-data list losses`.
+    loss : of each training, one of `rsa-data list losses`.
     epochs : of each training.
     threads : CPU threads of each training.
     split_scene : as for train-head, for datasets of one scene.

@@ -1,7 +1,10 @@
 """The report: what stands in it, that nothing breaks out, and how large it gets."""
 
+import json
 from html.parser import HTMLParser
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import report_work
 import rooms
@@ -10,6 +13,7 @@ from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.report.build import report
 from rsa_data.views.report.features_map import components, scene_type
+from rsa_data.views.report.training import heads
 
 
 class Page(HTMLParser):
@@ -93,6 +97,27 @@ def test_unknown_head_and_empty_work_dir_are_refused(tmp_path):
         report(work, out=tmp_path / "r.html", head="x")
     with pytest.raises(RsaDataError, match="no dataset there yet"):
         report(WorkDir(tmp_path / "none"), out=tmp_path / "r.html")
+
+
+@pytest.mark.parametrize(
+    ("options", "unit"),
+    [
+        ({"loss": "l1", "units": "metres"}, "l1 of depth (m)"),
+        ({"loss": "huber", "units": "relative"}, "huber of depth (share of mean depth)"),
+        ({"loss": "silog", "units": "metres"}, "silog of depth"),
+        ({"loss": "l1", "units": "metres", "supervision": "fit"}, "l1 of fit"),
+        ({"loss": "gone:LOSS", "units": "metres"}, "gone:LOSS of depth"),
+    ],
+)
+def test_only_a_loss_in_metres_has_a_unit(tmp_path, options, unit):
+    folder = tmp_path / "heads/x"
+    folder.mkdir(parents=True)
+    (folder / "head.json").write_text(json.dumps({"options": options}))
+    row = {"epoch": 1, "dataset": "a", "train_loss": 0.5, "val_abs_rel": 0.1, "best": True}
+    rows = [row, {**row, "epoch": 2, "best": False}]
+    pq.write_table(pa.Table.from_pylist(rows), folder / "history.parquet")
+    shown = str(heads(WorkDir(tmp_path)))
+    assert f">{unit}<" in shown
 
 
 def test_components_are_those_of_a_plane():

@@ -37,7 +37,7 @@ class Model:
 class Goal:
     """What is minimised.
 
-    loss : what is minimised at the sampled pixels; see `rsa-data list losses`.
+    loss : what is minimised at the sampled pixels, one of `rsa-data list losses`.
     supervision : learn from depth, from each image's own least-squares fit, or from both. Of a fit
         only what is positive counts, as a head's scale and shift are.
     units : relative divides a loss in metres by the dataset's mean depth, so that streets do not
