@@ -86,7 +86,7 @@ STAGE = Stage(
     \b
       rsa-data embed-objects --encoder minilm
     """,
-    next="depth --dataset NAME --depth-model MODEL, then: rsa-data train-head --head objects",
+    next="train-head --head objects",
     schema="objects",
     folder="embeddings/objects",
     selector="encoder",
