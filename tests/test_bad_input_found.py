@@ -17,7 +17,8 @@ from rsa_data.common.units import parse_size
 from rsa_data.datasets.folder import folder
 from rsa_data.datasets.listing import inside
 from rsa_data.runner import status
-from rsa_data.segments import coco_detections, coco_panoptic, graph, masks
+from rsa_data.segments import coco_detections, coco_panoptic, detect, graph, masks
+from rsa_data.store import schemas
 
 SMALL_PANOPTIC = {"id": 1, "file_name": "a.jpg", "width": 4, "height": 3}
 
@@ -67,7 +68,7 @@ def test_coco_masks_that_do_not_fit(segmentation):
     table = class_names.table("coco-panoptic")
     result = {"image_id": 1, "category_id": 1, "segmentation": segmentation}
     with pytest.raises(RowError, match=r"polygon: |run lengths: |RLE"):
-        coco_detections.segments([result], 4, 3, table)
+        coco_detections.segments([result], {"width": 4, "height": 3}, None, table)
 
 
 @given(mask=st.binary(min_size=12, max_size=12), wide=st.integers(1, 40))
@@ -143,7 +144,9 @@ def test_files_of_a_table_that_somebody_changed(tmp_path, content, name):
 def test_inputs_that_lead_back_to_their_table(tmp_path):
     work = rooms.made(tmp_path, parts=1, rows=2)
     path = tmp_path / "rooms" / "segments" / "labels" / "_table.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "inputs": ["segments/labels"]}))
+    changes = {"inputs": ["segments/labels"], "stage_version": detect.STAGE.version}
+    changes["schema_version"] = schemas.definition("segments")["version"]
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
     with pytest.raises(RsaDataError, match="its inputs lead back to it"):
         status.status(work)
 
@@ -152,7 +155,7 @@ def test_inputs_that_lead_back_to_their_table(tmp_path):
     ("name", "content", "words"),
     [
         ("tokenizer.json", "-0.5", "expected a tokenizer"),
-        ("config.json", '{"max_position_embeddings": "nan"}', "expected a side in px"),
+        ("config.json", '{"max_position_embeddings": "nan"}', "expected a whole number"),
         ("config.json", '{"text_config": 3}', "expected an object"),
         ("config.json", "[]", "expected an object"),
         ("sentence_bert_config.json", "{}", "max_seq_length"),

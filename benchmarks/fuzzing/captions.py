@@ -14,7 +14,7 @@ from rsa_data.captions import natural, served
 from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads import checkpoint
-from rsa_data.heads.predict import predict
+from rsa_data.heads.predict import from_captions, predict, prediction, run
 
 from .forms import (
     Importer,
@@ -63,16 +63,16 @@ def caption(here: Path) -> One:
     def one(data: bytes) -> None:
         path.write_bytes(data)
         for text in [data.decode()] if is_text(data) else []:
-            (found,) = predict.from_captions(head, [text], encoder=features_of)
+            (found,) = from_captions.from_captions(head, [text], encoder=features_of)
             assert np.isfinite([found.scale, found.shift]).all() and found.lines
-        with patch.object(predict, "from_captions", just_texts):
-            predict.predict(work, head="head", captions=path)
+        with patch.object(run, "from_captions", just_texts):
+            list(predict.predict(work, head="head", captions=path))
 
     return one
 
 
-def just_texts(head: Any, texts: list[str], *_: object) -> list[predict.Prediction]:
-    return [predict.Prediction(text, 1.0, 1.0) for text in texts]
+def just_texts(head: Any, texts: list[str], *_: object, **__: object) -> list[Any]:
+    return [prediction.Prediction(text, 1.0, 1.0) for text in texts]
 
 
 def answer_seeds() -> list[bytes]:

@@ -12,7 +12,7 @@ from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads import checkpoint
 from rsa_data.heads.checkpoint import ScaleHead
-from rsa_data.heads.predict import predict
+from rsa_data.heads.predict import from_captions
 from rsa_data.runner import status
 from rsa_data.store.tables import WorkDir
 
@@ -62,7 +62,7 @@ def head(here: Path) -> One:
         (place / "head.json").write_bytes(data)
         for act in (
             lambda: status.status(work),
-            lambda: predict.from_captions(
+            lambda: from_captions.from_captions(
                 checkpoint.ScaleHead.load(str(place)), ["a bed with a lamp"], encoder=features_of
             ),
         ):

@@ -15,7 +15,7 @@ from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets.folder import folder
 from rsa_data.depth import onnx
 from rsa_data.embeddings import sentence
-from rsa_data.heads.predict import known_depth
+from rsa_data.heads.predict import camera, known_depth
 from rsa_data.runner import limits
 
 from .forms import (
@@ -84,10 +84,13 @@ def argument(here: Path) -> One:
     def ends(text: str) -> None:
         assert np.isfinite(known_depth.refine(0.1, 0.1, *known_depth.ends(y, text))).all()
 
+    def known_camera(text: str) -> None:
+        camera.camera_of(None, 4, 3, camera.View(intrinsics=text))
+
     def tokenizer(text: str) -> None:
         registry.build("tokenizer", registry.TOKENIZERS, text)
 
-    readers = [limits.parse_failures, vlm.parse_prices, known, ends, known_depth.camera, onnx.fixed,
+    readers = [limits.parse_failures, vlm.parse_prices, known, ends, known_camera, onnx.fixed,
                lambda t: units.parse_size(t, "x"), lambda t: folder(depth="d", depth_unit=t),
                lambda t: folder(intrinsics=t).index(here, None), tokenizer]  # fmt: skip
     Image.fromarray(np.zeros((2, 2, 3), np.uint8)).save(here / "a.png")

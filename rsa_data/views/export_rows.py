@@ -39,7 +39,7 @@ class Chosen:
     def captions(self) -> str | None:
         """The table of captions; None for features of images."""
         style = self.embeddings.name.split("/")[1]
-        return None if style in ("images", "proposals") else f"captions/{style}"
+        return None if style in ("images", "proposals", "objects") else f"captions/{style}"
 
 
 def parts(chosen: Chosen) -> dict[int, str]:

@@ -222,7 +222,7 @@ def test_7scenes_last_frames_are_the_test(shared):
 @pytest.mark.parametrize("name", ["nyuv2", "kitti", "void", "7scenes", "folder"])
 def test_a_missing_root_names_the_way_out(tmp_path, name):
     dataset = registry.resolve("dataset", registry.DATASETS, name)()
-    with pytest.raises(RsaDataError, match=rf"{name}: expected .*see the section {name} of data/"):
+    with pytest.raises(RsaDataError, match=rf"{name}: expected .*list datasets {name}`"):
         dataset.index(tmp_path / "nowhere", None)
     with pytest.raises(RsaDataError, match=rf"{name}: .*see `rsa-data list datasets {name}`"):
         dataset.index(tmp_path, None)

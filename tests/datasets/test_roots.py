@@ -349,7 +349,10 @@ def test_nobody_there_is_a_transient_error(monkeypatch):
         ("https://host/x?token=1", "without user name, . and #"),
         ("s3://", "--root s3://: expected s3://BUCKET/PREFIX"),
         ("gs://", "--root gs://: expected gs://BUCKET/PREFIX"),
-        ("ftp://host/x", "expected a folder or one of s3://, gs://, az://, https://, http://"),
+        (
+            "ftp://host/x",
+            "expected a folder or one of s3://, gs://, az://, hf://, https://, http://",
+        ),
     ],
 )
 def test_other_addresses_are_refused(place, reason):

@@ -209,7 +209,7 @@ def test_a_stopped_command_exits_130_leaves_no_process_and_goes_on(tmp_path, sig
     os.killpg(process.pid, signal_)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, out + err
-    assert err.strip().endswith("run the same command again to go on."), err
+    assert err.strip().endswith("run the same command to continue."), err
     assert "Traceback" not in err
     wait_until(lambda: not in_group(process.pid))
     assert 2 <= len(table.parts()) < 40

@@ -37,7 +37,7 @@ def meaning(work: WorkDir) -> Html:
             for name in work.tables(dataset)
             # Proposals are a list of features an image: there is no point to draw.
             if name.startswith("embeddings/")
-            and not name.startswith("embeddings/proposals/")
+            and name.split("/")[1] not in ("proposals", "objects")  # several rows an image
             and work.table(dataset, name).parts()
         }
     )

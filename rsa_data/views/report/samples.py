@@ -204,7 +204,12 @@ def _head_for(work: WorkDir, dataset: str, names: list[str], wanted: str | None)
         about = head_description(work, name)
         style, encoder = (about.get("features", {}).get(k) for k in ("style", "encoder"))
         embeddings, captions = f"embeddings/{style}/{encoder}", f"captions/{style}"
-        if embeddings in names and about.get("options", {}).get("control", "none") == "none":
+        # A head that reads objects has no single feature an image to show here.
+        if (
+            style != "objects"
+            and embeddings in names
+            and about.get("options", {}).get("control", "none") == "none"
+        ):
             text = captions if captions in names else None
             ranked.append((dataset not in about.get("datasets", {}), name, embeddings, text))
     if not ranked:
