@@ -27,7 +27,7 @@ class Wording:
     version : of the wording.
     example : a short text in this style, shown by `rsa-data list styles`.
     phrase : (objects, the words of their labels, digits of a percentage) -> the columns whose
-        strings side by side are an object's phrase. Columns meet at spaces and signs only, so
+        strings side by side are an object's phrase. Columns meet at spaces or at one sign, so
         that their tokens add up.
     opening : what stands before the objects, or samples -> that of each image.
     between, last : the sign between two phrases, and before the last one of several.
