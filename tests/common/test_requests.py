@@ -45,7 +45,8 @@ class Bad(BaseHTTPRequestHandler):
                 body = gzip.compress(bytes(1 << 28))
                 self.wfile.write(start + b"Content-Encoding: gzip\r\n\r\n" + body)
             elif self.path == "/ring":
-                self.wfile.write(b"HTTP/1.1 302 F\r\nLocation: /ring\r\nContent-Length: 0\r\n\r\n")
+                ends = b"Content-Length: 0\r\nConnection: close\r\n\r\n"
+                self.wfile.write(b"HTTP/1.1 302 F\r\nLocation: /ring\r\n" + ends)
             elif self.path == "/file":
                 self.wfile.write(b"HTTP/1.1 302 F\r\nLocation: file:///etc/passwd\r\n\r\n")
             elif self.path.startswith("/to"):
