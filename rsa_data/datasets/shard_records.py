@@ -12,6 +12,7 @@ from .tar_members import Entry
 
 
 def read_json(root: Path, shard: str, entry: Entry | None, where: str) -> dict[str, Any]:
+    """The JSON object of a sample's .json member; raises RsaDataError when there is none."""
     if entry is None:
         raise RsaDataError(f"{where}: expected a member .json with its fields, found none")
     path = address(shard, entry.place, entry.size, entry.name)
@@ -25,6 +26,10 @@ def read_json(root: Path, shard: str, entry: Entry | None, where: str) -> dict[s
 
 
 def text_of(about: dict[str, Any], field: str | None, where: str) -> str | None:
+    """A field that names a scene or a split; None where no field is asked for.
+
+    Raises RsaDataError unless it is a text or a whole number without a slash.
+    """
     if field is None:
         return None
     value = about.get(field)
@@ -34,6 +39,7 @@ def text_of(about: dict[str, Any], field: str | None, where: str) -> str | None:
 
 
 def camera_of(about: dict[str, Any], field: str | None, where: str) -> Camera:
+    """The intrinsics in a field, px; UNKNOWN where the field is not asked for or absent."""
     if field is None or about.get(field) is None:
         return UNKNOWN
     return from_numbers(about[field], f"{where}.json: {field}")

@@ -8,6 +8,7 @@ from ..common.errors import RsaDataError
 
 
 def stored(features: np.ndarray, store: str) -> np.ndarray:
+    """float32 features (n, dim) in the dtype `store`; raises RsaDataError on overflow."""
     with np.errstate(over="ignore"):
         stored = features.astype(store)
     if not np.isfinite(stored).all():
@@ -19,6 +20,7 @@ def stored(features: np.ndarray, store: str) -> np.ndarray:
 
 
 def check_finite(features: np.ndarray, texts: Sequence[str]) -> None:
+    """Raises RsaDataError, naming the text, where a row (dim,) is not finite or all zero."""
     good = np.isfinite(features).all(1) & features.any(1)
     if not good.all():
         text = texts[int(np.flatnonzero(~good)[0])]
