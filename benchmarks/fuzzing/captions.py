@@ -14,7 +14,7 @@ from rsa_data.captions import natural, served
 from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads import checkpoint
-from rsa_data.heads.predict import from_captions, predict, prediction, run
+from rsa_data.heads.predict import asking, from_captions, predict, prediction
 
 from .forms import (
     Importer,
@@ -65,14 +65,14 @@ def caption(here: Path) -> One:
         for text in [data.decode()] if is_text(data) else []:
             (found,) = from_captions.from_captions(head, [text], encoder=features_of)
             assert np.isfinite([found.scale, found.shift]).all() and found.lines
-        with patch.object(run, "from_captions", just_texts):
+        with patch.object(asking, "from_scenes", just_texts):
             list(predict.predict(work, head="head", captions=path))
 
     return one
 
 
-def just_texts(head: Any, texts: list[str], *_: object, **__: object) -> list[Any]:
-    return [prediction.Prediction(text, 1.0, 1.0) for text in texts]
+def just_texts(head: Any, scenes: list[Any], *_: object) -> list[Any]:
+    return [prediction.Prediction(scene.text, 1.0, 1.0) for scene in scenes]
 
 
 def answer_seeds() -> list[bytes]:

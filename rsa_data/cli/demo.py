@@ -10,7 +10,7 @@ from ..runner import pipeline_files
 from ..runner.chains import RunOptions
 from ..store.tables import WorkDir
 from . import console
-from .heads import predict_with
+from .heads import use
 from .shared import report
 
 # Pictures of a sheet: a few of each dataset, spread over its test scenes.
@@ -45,7 +45,7 @@ def demo(work: str) -> None:
     draw(place, list(pipeline.datasets), sheet)
     click.echo(f"scenes with caption, true depth, prediction and error: {sheet}")
     click.echo(f"all of it in {console.duration(time.monotonic() - begun)}; nothing here was real")
-    click.echo(f"next: rsa-data {predict_with(place, 'demo')} --work {work}")
+    click.echo(f"next: rsa-data {use(place, 'demo')} --work {work}")
     click.echo("for your own images: rsa-data list datasets folder")
 
 

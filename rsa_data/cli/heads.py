@@ -13,6 +13,7 @@ from ..evaluation.evaluate import evaluate as evaluate_function
 from ..heads.description import parse
 from ..heads.import_head import import_head as import_function
 from ..heads.predict.predict import predict as predict_function
+from ..heads.reading import reads
 from ..heads.train.train_head import train_head as train_head_function
 from ..heads.travel import export_head as export_function
 from ..store.tables import WorkDir
@@ -37,8 +38,12 @@ def example_caption(work: WorkDir, head: str) -> str:
     return shlex.quote(_CAPTION)
 
 
-def predict_with(work: WorkDir, head: str) -> str:
-    """The command that predicts a caption with a head."""
+def use(work: WorkDir, head: str) -> str:
+    """The command that shows what a head says: of a caption, or in the report where it needs a
+    photo."""
+    about = parse(work.store.read(f"heads/{head}/head.json") or b"{}", f"heads/{head}/head.json")
+    if not {"text", "objects"}.issuperset(reads(about)):
+        return "report"
     return f"predict --head {head} --caption {example_caption(work, head)}"
 
 
@@ -69,7 +74,7 @@ def evaluate(work: str, **options: Any) -> None:
     """
     result = call(evaluate_function, WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
-    say_next(WorkDir(work), predict_with(WorkDir(work), options["head"]))
+    say_next(WorkDir(work), use(WorkDir(work), options["head"]))
 
 
 def _files(*, outputs: Outputs = Outputs()) -> Outputs:
@@ -136,8 +141,10 @@ def export_head(work: str, name: str, place: Path) -> None:
     """
     for path in export_function(WorkDir(work), name, place):
         click.echo(f"wrote {path}")
-    told = example_caption(WorkDir(work), name)
-    click.echo(f"next: rsa-data predict --head {shlex.quote(str(place))} --caption {told}")
+    at = shlex.quote(str(place))
+    command = use(WorkDir(work), name).replace(f"--head {name} ", f"--head {at} ")
+    if command.startswith("predict"):
+        click.echo(f"next: rsa-data {command}")
 
 
 @click.command("import-head")
@@ -155,4 +162,4 @@ def import_head(work: str, file: Path, **options: Any) -> None:
     for name, measures in description["imported"]["measures"].items():
         numbers = "  ".join(f"{key} {value:.4f}" for key, value in measures.items())
         click.echo(f"  its own test measures, {name}: {numbers}")
-    say_next(WorkDir(work), predict_with(WorkDir(work), Path(where).name))
+    say_next(WorkDir(work), use(WorkDir(work), Path(where).name))

@@ -91,6 +91,15 @@ def known() -> list[str]:
     return sorted(_tables()["tables"])
 
 
+def every() -> dict[str, str]:
+    """Every name of the shipped tables, other datasets' words too -> the name in captions."""
+    tables = _tables()
+    synonyms: dict[str, str] = tables["synonyms"]
+    found = {name: name for table_name in known() for name in table(table_name).names.values()}
+    found |= {name: clean(name) for name in tables["coco_stuff"]}
+    return {name: name for name in found.values()} | synonyms
+
+
 def described() -> list[tuple[str, str]]:
     """(name, how many classes and the first of them) of every shipped table."""
     found = ((name, list(table(name).names.values())) for name in known())

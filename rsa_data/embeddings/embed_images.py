@@ -102,17 +102,28 @@ def files(
     return _encoder(encoder).files(argument or None, encoder_weights)
 
 
+def loaded(
+    *, encoder: str, encoder_weights: Path | None = None
+) -> Callable[[Sequence[np.ndarray]], np.ndarray]:
+    """An image encoder with its weights in memory: images, uint8 (h, w, 3), RGB -> `encode`."""
+    model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
+    run = in_torch(model.module, "float32", "cpu")
+
+    def encode(images: Sequence[np.ndarray]) -> np.ndarray:
+        features = np.zeros((len(images), model.dim), np.float32)
+        pixels = np.stack([model.prepare(image) for image in images])
+        for rows, found in run(iter([(np.arange(len(images)), {"pixels": pixels})])):
+            features[rows] = found
+        return features
+
+    return encode
+
+
 def encode(
     images: Sequence[np.ndarray], *, encoder: str, encoder_weights: Path | None = None
 ) -> np.ndarray:
     """Features of a few images, uint8 (h, w, 3), RGB: float32 (n, dim)."""
-    model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
-    run = in_torch(model.module, "float32", "cpu")
-    features = np.zeros((len(images), model.dim), np.float32)
-    pixels = np.stack([model.prepare(image) for image in images])
-    for rows, found in run(iter([(np.arange(len(images)), {"pixels": pixels})])):
-        features[rows] = found
-    return features
+    return loaded(encoder=encoder, encoder_weights=encoder_weights)(images)
 
 
 def _encoder(encoder: str) -> Encoder[ImageModel]:

@@ -1,12 +1,10 @@
 """Which tables belong together: what a head's features and relative depth are made of."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError
 from ..store.tables import Table, WorkDir, fingerprint
 from .description import Features
 from .inputs import kinds
@@ -133,36 +131,3 @@ def current(work: WorkDir, source: Source, number: int) -> dict[str, str]:
 def together(digests: list[dict[str, str]]) -> dict[str, str]:
     """One digest a table of the digests of its parts, in the order given."""
     return {name: fingerprint([part[name] for part in digests]) for name in digests[0]}
-
-
-def encode(features: Any, captions: Sequence[str], weights: Any = None) -> np.ndarray:
-    """Features of captions, (n, dim), by the encoder that a head was trained on.
-
-    features : `features` of head.json. weights : the encoder's file, where it is not found alone.
-    """
-    return encoder(features, weights)(captions)
-
-
-def encoder(features: Any, weights: Any = None) -> Callable[[Sequence[str]], np.ndarray]:
-    """`encode` with the encoder in memory; raises RsaDataError when it is not the head's."""
-    from ..common.digests import file_sha256
-    from ..embeddings import embed
-
-    if not isinstance(features, Features):
-        features = Features.of(features)
-    if features.beside or kinds.of_style(features.style) != "text":
-        raise UsageError(
-            f"this head reads {features.style} features of {features.encoder}, not captions "
-            "alone: call rsa_data.ScaleHead.load(...)(features) with the features of its tables"
-        )
-    options = {**(features.options or {}), "encoder_weights": weights}
-    paths = embed.files(**options)
-    for name, path in paths.items():
-        known = (features.files or {}).get(name)
-        if known is not None and (found := file_sha256(str(path))) != known:
-            raise RsaDataError(
-                f"encoder {features.encoder}: the head was trained with another file {name}: "
-                f"expected sha256 {known}; found {found} in {path.name}"
-            )
-    loaded: Callable[[Sequence[str]], np.ndarray] = embed.loaded(**options)
-    return loaded

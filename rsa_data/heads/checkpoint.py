@@ -210,7 +210,7 @@ class ScaleHead:
 
         Raises RsaDataError when that encoder's weights are not at hand, or are not the same file.
         """
-        from .belong import encode
+        from .reading import encode
 
         return self(encode(self.about.features, captions))
 

@@ -101,9 +101,10 @@ def predict_depth(
     """
     from PIL import Image
 
-    from ..heads.belong import encode
+    from ..datasets.images import read_image
     from ..heads.checkpoint import ScaleHead
     from ..heads.metric import to_metric
+    from ..heads.predict.asking import Asking
     from ..heads.predict.choices import Models
     from ..heads.predict.images import describer, relative_map, relative_source
 
@@ -124,15 +125,17 @@ def predict_depth(
             Image.fromarray(image).save(place)
         else:
             place = Path(image)
-        if caption is None:
-            caption = describer(about, place.parent, models)(place.name)[1]
+        ask = Asking(head, encoder_weights)
+        found, own = None, caption
+        if caption is None and ask.kinds != ("image",):
+            found, own = describer(about, place.parent, models)(place.name)
+        said = ask(own, found, read_image(place) if "image" in ask.kinds else None)
         if relative is None:
             with Image.open(place) as opened:
                 size = opened.height, opened.width
             source = relative_source(about, place.parent, models)
             relative = relative_map(source, place.name, size)
-    scale, shift = head(encode(about["features"], [caption], encoder_weights))
-    depth: np.ndarray = to_metric(np.asarray(relative), float(scale[0]), float(shift[0]))
+    depth: np.ndarray = to_metric(np.asarray(relative), said.scale, said.shift)
     return depth
 
 

@@ -5,10 +5,11 @@ import pytest
 import torch
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.heads.belong import encode, same
+from rsa_data.heads.belong import same
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.heads.inputs.vectors import Vectors
 from rsa_data.heads.predict.calibration import REFERENCES, calibrate, distance, references
+from rsa_data.heads.reading import encode
 from rsa_data.heads.train.examples import Examples
 
 

@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 
 from ... import registry
 from ...store.tables import WorkDir
+from .scene import Live
 
 # Options of a stage that change how fast or how exactly something is computed or kept, but not
 # what it means.
@@ -113,6 +114,7 @@ class Kind:
     made_by : command that makes the tables.
     vector : whether heads that read any vector take it.
     table : the one table that it is read from where that is no embeddings table, such as samples.
+    live : how its features are made for a photo that is in no table; None where they cannot be.
     """
 
     read: Callable[[WorkDir, str, Feed, int, int | None], Block]
@@ -120,6 +122,7 @@ class Kind:
     made_by: str = ""
     vector: bool = False
     table: str = ""
+    live: Live | None = None
 
 
 def kind(name: str) -> Kind:

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from ...store.tables import WorkDir
+from . import scene
 from .kinds import Feed, Kind, find, ranges
 
 # What stands behind the feature of an object's name: logarithm of its share of the image, the
@@ -84,13 +85,14 @@ def numbers(
 ) -> np.ndarray:
     """What a head reads of objects beside their names, float32 (o, 8), see NUMBERS.
 
-    share : (o,), 0 to 1, or None where it is not known. center : (o, 2), x and y in shares of width
-    and height, nan or None where it is not known. is_thing : bool (o,).
+    share : (o,), 0 to 1, nan or None where it is not known. center : (o, 2), x and y in shares of
+    width and height, nan or None where it is not known. is_thing : bool (o,).
     """
     found = np.zeros((len(is_thing), len(NUMBERS)), np.float32)
     if share is not None:
-        found[:, 0] = np.log(np.maximum(share, _SMALLEST))
-        found[:, 1], found[:, 2] = share, 1
+        known = np.isfinite(share)
+        found[known, 0] = np.log(np.maximum(share[known], _SMALLEST))
+        found[known, 1], found[known, 2] = share[known], 1
     if center is not None:
         known = np.isfinite(center).all(1)
         found[known, 3:5] = center[known] - 0.5
@@ -126,4 +128,4 @@ def read(work: WorkDir, dataset: str, feed: Feed, number: int, variant: int | No
     )
 
 
-OBJECTS = Kind(read, "objects", made_by="rsa-data embed-objects")
+OBJECTS = Kind(read, "objects", made_by="rsa-data embed-objects", live=scene.OBJECTS)

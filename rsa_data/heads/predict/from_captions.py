@@ -1,12 +1,14 @@
-"""What a head says of captions: scale, shift, their spread, and whether it knows such captions."""
+"""What a head says of captions and scenes: scale, shift, their spread, whether it knows them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..belong import encode
 from ..checkpoint import ScaleHead
+from ..inputs.scene import Scene
+from ..reading import Reading
 from .calibration import distance
 from .paraphrases import paraphrases, wording_of
 from .prediction import Prediction
@@ -22,34 +24,60 @@ def from_captions(
     encoder: Callable[[Sequence[str]], np.ndarray] | None = None,
     style: str | None = None,
 ) -> list[Prediction]:
-    """Predictions of captions, each with the spread over its paraphrases and its distance.
+    """Predictions of captions by a head that reads nothing else, as `from_scenes`.
 
-    encoder : the head's encoder, when the caller holds it in memory. style : of the captions, where
-    it is not that of the head's training captions.
+    encoder : the head's encoder, when the caller holds it in memory.
     """
-    # Each text once: the place in a batch may change the last bit.
-    distinct = list(dict.fromkeys(captions))
+    read: Callable[[Sequence[Scene]], np.ndarray]
+    if encoder is None:
+        read = Reading(head.about.features, weights)
+    else:
+        own = encoder
+
+        def read(scenes: Sequence[Scene]) -> np.ndarray:
+            return own([scene.text or "" for scene in scenes])
+
+    return from_scenes(head, [Scene(text=text) for text in captions], read, style)
+
+
+def from_scenes(
+    head: ScaleHead,
+    scenes: Sequence[Scene],
+    read: Callable[[Sequence[Scene]], np.ndarray],
+    style: str | None = None,
+) -> list[Prediction]:
+    """Predictions of scenes, each with the spread over its caption's paraphrases and its distance.
+
+    read : a `Reading` of the head. style : of the captions, where it is not that of the head's
+    training captions.
+    """
+    keys = [(scene.text, scene.things, id(scene.image)) for scene in scenes]
+    # Each scene once: the place in a batch may change the last bit.
+    distinct = dict(zip(keys, scenes, strict=True))
     wording = wording_of(head.description, style)
-    orders = [paraphrases(text, wording) for text in distinct]
-    others = [found or [] for found in orders]
-    flat = [text for pair in zip(distinct, others, strict=True) for text in (pair[0], *pair[1])]
-    features = encoder(flat) if encoder else encode(head.description["features"], flat, weights)
+    orders = [[] if s.text is None else paraphrases(s.text, wording) for s in distinct.values()]
+    flat = [
+        scene
+        for own, order in zip(distinct.values(), orders, strict=True)
+        for scene in (own, *(replace(own, text=text) for text in order or ()))
+    ]
+    features = read(flat)
     scale, shift = head(features)
-    starts = np.cumsum([0] + [1 + len(o) for o in others])
+    starts = np.cumsum([0] + [1 + len(order or ()) for order in orders])
     far = head.description.get("far")
     unlike = np.zeros(len(flat), bool)
     if far is not None and head.reference is not None:
         unlike = distance(features, head.reference, head.mean.numpy()) > far
     found = {}
-    for text, order, start, end in zip(distinct, orders, starts[:-1], starts[1:], strict=True):
+    for key, order, start, end in zip(distinct, orders, starts[:-1], starts[1:], strict=True):
         a, b = scale[start:end], shift[start:end]
         spread = (float(a.min()), float(a.max()), float(b.min()), float(b.max()))
-        found[text] = Prediction(
-            text,
+        found[key] = Prediction(
+            key[0],
             float(a[0]),
             float(b[0]),
             spread=spread if len(a) > 1 else None,
             unlike=bool(unlike[start]),
             notes=[_NO_SPREAD] if order is None else [],
         )
-    return [found[text].copy() for text in captions]
+    return [found[key].copy() for key in keys]

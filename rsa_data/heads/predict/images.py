@@ -9,6 +9,7 @@ import numpy as np
 
 from ...common.errors import RowError, RsaDataError, UsageError
 from ...common.options import call
+from ..reading import reads
 from .choices import Models
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 # Without a head that names its own.
 DEPTH_MODEL = "depth-anything-v2-small"
-# For heads that do not say which captions they were trained on: the release's structured texts.
+# For heads that read captions and do not say which ones: the release's structured texts.
 STYLE = "release"
 
 
@@ -63,7 +64,7 @@ def captions_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
 def describer(
     about: dict[str, Any], root: Path, models: Models
 ) -> Callable[[str], tuple[Any, str]]:
-    """name -> the Segments of the photo root / name, and its caption for the head.
+    """name -> the Segments of the photo root / name, and its caption, for a head that reads one.
 
     Loads the detector. The function raises RsaDataError for a photo that cannot be read.
     """
@@ -82,7 +83,7 @@ def describer(
     if is_model and importlib.util.find_spec("pycocotools"):
         options["masks"] = True
     find = detect.build(dataset=folder(), root=root, **options)
-    tell = call(write.build, **captions_of(about, models)) if about else None
+    tell = call(write.build, **captions_of(about, models)) if "text" in reads(about) else None
     blank = dict.fromkeys(schemas.schema("samples").names)
 
     def describe(name: str) -> tuple[Segments, str]:

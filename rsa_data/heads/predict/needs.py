@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ...common.errors import RsaDataError
+from .. import reading
 from .choices import Models
 from .images import check_depth_file, depth_of, segmenter_of
 
@@ -46,7 +47,4 @@ def _segmenter(about: dict[str, Any], models: Models) -> None:
 
 
 def _encoder(about: dict[str, Any], models: Models) -> None:
-    from ...embeddings import embed
-
-    options = about["features"].get("options") or {}
-    embed.files(**{**options, "encoder_weights": models.encoder_weights})
+    reading.files(about, models.encoder_weights)

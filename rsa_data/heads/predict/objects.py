@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...common.class_names import clean
 from ...common.errors import RsaDataError
 from ...segments import masks
 from ...segments.segments import Segments
+from ..inputs.scene import Thing
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,21 @@ def seen(found: Segments, depth: np.ndarray | None) -> list[Seen]:
             )
         )
     return objects
+
+
+def things(found: Segments) -> tuple[Thing, ...]:
+    """The objects of a photo as a head reads them, in the order of the segments."""
+    names = [clean(label) for label in found.label]
+    centers: list[tuple[float, float] | None] = [None] * len(names)
+    if found.center is not None and found.width and found.height:
+        places = found.center / np.array([found.width, found.height])
+        centers = [(float(x), float(y)) for x, y in places]
+    return tuple(
+        Thing(name, float(area), center, bool(is_thing))
+        for name, area, center, is_thing in zip(
+            names, found.area, centers, found.is_thing, strict=True
+        )
+    )
 
 
 def _masks(found: Segments) -> list[np.ndarray] | None:

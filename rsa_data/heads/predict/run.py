@@ -1,6 +1,6 @@
 """One call of predict: what is loaded once, and the photos one after the other."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from ...common.errors import RowError, RsaDataError, UsageError
 from ..metric import to_metric
+from ..reading import reads
 from . import known_depth, needs
 from .camera import camera_of
 from .choices import Hints, Models, View
-from .from_captions import from_captions
 from .images import captions_of, describer, relative_map, relative_source
 from .objects import seen
 from .photos import Photo
@@ -20,6 +20,7 @@ from .prediction import Prediction
 if TYPE_CHECKING:
     from ...segments.segments import Segments
     from ..checkpoint import ScaleHead
+    from .asking import Asking
 
 # Share of the pixels without a finite depth above which that is said.
 _HOLES = 0.01
@@ -39,16 +40,17 @@ class Run:
     ):
         self.head, self.about, self.texts = head, about, texts
         self.models, self.hints, self.view = models, hints, view
-        self.encode: Callable[[Sequence[str]], np.ndarray] | None = None
+        self.kinds = reads(about)
+        self.ask: Asking | None = None
         self.without_depth = ""
 
     def over(self, photos: list[Photo]) -> Iterator[Prediction]:
         """The predictions, in order."""
         self._check(bool(photos))
         if self.head is not None:
-            from ..belong import encoder
+            from .asking import Asking
 
-            self.encode = encoder(self.head.description["features"], self.models.encoder_weights)
+            self.ask = Asking(self.head, self.models.encoder_weights, self.models.style)
         if not photos:
             for p in self._of_texts():
                 yield self._with_map(p) if self.models.relative else p
@@ -73,9 +75,9 @@ class Run:
 
     def _check(self, photos: bool) -> None:
         """Looks for all files at once; a head that cannot have depth here gives words alone."""
-        describes = photos and (
-            (self.head is not None and not self.texts) or self.models.segments is not None
-        )
+        if "image" in self.kinds and not photos:
+            raise UsageError("predict: this head reads the photo itself: give one")
+        describes = photos and self._looks()
         runs = photos and self.models.relative is None
         try:
             needs.check(
@@ -89,39 +91,43 @@ class Run:
             if self.hints or self.models.depth_model is not None:
                 raise
             self.without_depth = str(error).removeprefix("predict: ")
-            needs.check(self.about, self.models, caption=describes, encoder=True, depth=False)
+            encodes = self.head is not None
+            needs.check(self.about, self.models, caption=describes, encoder=encodes, depth=False)
+
+    def _looks(self) -> bool:
+        """Whether a segmenter looks at the photos."""
+        told = bool(self.texts) or self.kinds == ("image",)
+        return (self.head is not None and not told) or self.models.segments is not None
 
     def _of_texts(self) -> list[Prediction]:
-        if self.head is None:
+        if self.ask is None:
             assert self.models.relative is not None
             return [Prediction(None, name=self.models.relative.name)]
-        return from_captions(self.head, self.texts, encoder=self.encode, style=self.models.style)
+        return [self.ask(text) for text in self.texts]
 
     def _described(
         self, photos: list[Photo]
     ) -> "Iterator[tuple[Photo, Segments | None, Prediction]]":
         look = _PerRoot(lambda root: describer(self.about, root, self.models))
-        wants = (self.head is not None and not self.texts) or self.models.segments is not None
         for k, photo in enumerate(photos):
-            segments, text = None, self.texts[k % len(self.texts)] if self.texts else None
+            segments, image, p = None, None, Prediction(None)
+            text = self.texts[k % len(self.texts)] if self.texts else None
             try:
-                if wants:
+                if self._looks():
                     segments, own = look(photo.root)(photo.name)
-                    text = text or own
-                p = Prediction(None)
-                if self.head is not None and text is not None:
-                    (p,) = from_captions(
-                        self.head, [text], encoder=self.encode, style=self.models.style
-                    )
-                p.name = photo.name
+                    text = text or own or None
+                if "image" in self.kinds:
+                    image = _read(photo)
+                if self.ask is not None:
+                    p = self.ask(text, None if self.texts else segments, image)
+                p.name, p.image = photo.name, image
                 p.warnings += [photo.warning] if photo.warning else []
-                if segments is not None and not self.texts and not self.about.get("captions"):
+                if text is not None and not self.texts and not self.about.get("captions"):
                     style = captions_of(self.about, self.models)["style"]
-                    if self.head is not None:
-                        p.notes.append(
-                            f"caption in the style {style}: the head does not say which texts it "
-                            "was trained on (--style chooses another)"
-                        )
+                    p.notes.append(
+                        f"caption in the style {style}: the head does not say which texts it "
+                        "was trained on (--style chooses another)"
+                    )
             except RsaDataError as error:
                 if isinstance(error, UsageError):
                     raise
@@ -140,12 +146,7 @@ class Run:
         self, photo: Photo, segments: "Segments | None", p: Prediction, source: Any
     ) -> None:
         """Adds image, camera, depth and distances."""
-        from ...datasets.images import read_image
-
-        try:
-            p.image = read_image(photo.path)
-        except RowError as error:
-            raise RsaDataError(str(error)) from error
+        p.image = _read(photo) if p.image is None else p.image
         height, width = p.image.shape[:2]
         p.camera = camera_of(photo.path, width, height, self.view)
         if self.without_depth:
@@ -189,6 +190,16 @@ class Run:
             p.warnings.append(f"the depth model gives no depth for {blank:.0%} of the photo")
         if beyond > _HOLES:
             p.warnings.append(f"{beyond:.0%} of the photo has no finite depth")
+
+
+def _read(photo: Photo) -> np.ndarray:
+    """The photo, uint8 (h, w, 3), RGB; raises RsaDataError where it cannot be read."""
+    from ...datasets.images import read_image
+
+    try:
+        return read_image(photo.path)
+    except RowError as error:
+        raise RsaDataError(str(error)) from error
 
 
 class _PerRoot:

@@ -2,21 +2,20 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...common.errors import RowError, RsaDataError, TransientError
 from ...datasets.images import MAX_PIXELS, read_image
-from ...heads import belong
 from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
 from ...heads.predict import choices, known_depth
+from ...heads.predict.asking import Asking
 from ...heads.predict.camera import Camera, camera_of
 from ...heads.predict.find import DEFAULT, find
-from ...heads.predict.from_captions import from_captions
 from ...heads.predict.images import describer, relative_map, relative_source
-from ...heads.predict.objects import Seen, seen
+from ...heads.predict.nouns import text_of
+from ...heads.predict.objects import Seen, seen, things
 from ...heads.predict.prediction import Prediction
 from ...segments.segments import Segments
 from ...store.tables import WorkDir
@@ -31,14 +30,14 @@ _POINTS, _LONGEST = 20_000, 800
 class Models:
     """What answers: loaded once, shared by all who look at the page.
 
-    encode : captions -> features, with the encoder in memory.
+    ask : the head with its encoders in memory.
     files : models for photos of the user's own. view : their camera.
     """
 
     work: WorkDir
     head: ScaleHead
     name: str
-    encode: Any
+    ask: Asking
     files: choices.Models = choices.Models()
     view: choices.View = choices.View()
 
@@ -51,9 +50,10 @@ def load(
 ) -> Models:
     """The head with its encoder; raises RsaDataError when one is missing. name : see `find`."""
     head = find(work, name)
-    encode = belong.encoder(head.description["features"], files.encoder_weights)
-    encode(["An image."])  # the first answer should not wait for this
-    return Models(work, head, name or DEFAULT, encode, files, view)
+    ask = Asking(head, files.encoder_weights, files.style)
+    blank = np.zeros((8, 8, 3), np.uint8)
+    ask("An image.", image=blank)  # the first answer should not wait for this
+    return Models(work, head, name or DEFAULT, ask, files, view)
 
 
 def sample_ids(models: Models, most: int = 40) -> list[str]:
@@ -118,8 +118,13 @@ def of_sample(models: Models, sample_id: str) -> Picture:
         camera = Camera(fx, fy, cx, cy, width, height, "the dataset")
     style = f"{models.head.description['features'].get('style')}: "
     texts = [c.removeprefix(style) for c in sample.captions if c.startswith(style)]
-    return Picture(sample_id, image, sample.segments, texts[0] if texts else "An image.",
-                   y, why, truth, camera)  # fmt: skip
+    caption = texts[0] if texts else _listed(sample.segments)
+    return Picture(sample_id, image, sample.segments, caption, y, why, truth, camera)
+
+
+def _listed(segments: Segments | None) -> str:
+    """The objects as a list, for heads that read no sentence."""
+    return (text_of(things(segments)) if segments is not None else "") or "An image."
 
 
 def _thin(values: np.ndarray | None) -> np.ndarray | None:
@@ -143,7 +148,8 @@ def of_file(models: Models, path: Path) -> Picture:
     about, caption, segments, y = models.head.description, "An image.", None, None
     why = []
     try:
-        segments, caption = describer(about, path.parent, models.files)(path.name)
+        segments, told = describer(about, path.parent, models.files)(path.name)
+        caption = told or _listed(segments)
     except RsaDataError as error:
         why.append(f"No caption was written: {error}")
     try:
@@ -155,9 +161,16 @@ def of_file(models: Models, path: Path) -> Picture:
     return Picture(path.name, image, segments, caption, y, " ".join(why), None, camera)
 
 
-def answer(models: Models, caption: str) -> Prediction:
-    """Scale and shift of a caption, and whether it is unlike those that the head was trained on."""
-    return from_captions(models.head, [caption.strip() or "An image."], None, models.encode)[0]
+def answer(models: Models, caption: str, picture: Picture | None = None) -> Prediction:
+    """Scale and shift of a caption, and whether it is unlike those that the head was trained on.
+
+    picture : in view. A head of objects reads its segments until the caption is changed. Raises
+    UsageError where the head reads the photo itself and there is none.
+    """
+    own = picture is not None and caption == picture.caption
+    segments = picture.segments if picture is not None and own else None
+    image = None if picture is None else picture.image
+    return models.ask(caption.strip() or "An image.", segments, image)
 
 
 def corrected(

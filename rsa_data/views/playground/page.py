@@ -145,7 +145,9 @@ class Page:
         """The caption has changed: ask the head."""
         asked = self.caption.value or ""
         try:
-            found: Prediction | None = await run.io_bound(desk.answer, self.models, asked)
+            found: Prediction | None = await run.io_bound(
+                desk.answer, self.models, asked, self.picture
+            )
         except RsaDataError as error:
             ui.notify(str(error), type="negative")
             return

