@@ -82,6 +82,7 @@ STYLES = Entries(
         "counts": "rsa_data.captions.wordings.counts:counts",
         "occupancy": "rsa_data.captions.wordings.occupancy:occupancy",
         "occupied": "rsa_data.captions.wordings.occupied:occupied",
+        "occupied-share": "rsa_data.captions.wordings.occupied:occupied_share",
         "located": "rsa_data.captions.wordings.located:located",
         "grid": "rsa_data.captions.wordings.grid:grid",
         "intrinsics": "rsa_data.captions.wordings.intrinsics:intrinsics",

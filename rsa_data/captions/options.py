@@ -32,8 +32,9 @@ class Augmentation:
     variants : captions an image, of which variant 0 is the plain one, largest object first.
     seed : of swap and delete.
     delete : probability that an object is left out of an augmented caption, 0 to 1.
-    delete_by_area : delete with probability 1 - sigmoid(this x share of the image) instead. The
-        released code had 100 or 10.
+    delete_by_area : delete with probability 1 - sigmoid(this x share of the image) instead: the
+        rule of older versions of the released code (100 or 10). At its last commit the rule stands
+        in a comment, with 1, and nothing is deleted: the texts come ready from files.
     """
 
     variants: int = 5

@@ -43,12 +43,14 @@ def clean(name: str) -> str:
 
     COCO's merged and stuff classes lose what follows their noun ("wall-brick" is wall,
     "food-other-merged" is food); any other hyphen stays ("T-shirt"). Underscores become spaces,
-    glosses in parentheses go ("bow_(weapon)" is bow), the first of several names stays
-    ("building;edifice" is building), and COCO's word stands where other datasets have another
+    glosses in parentheses go ("speaker_(stereo_equipment)" is speaker) or become words where LVIS
+    tells two classes apart by them ("bow_(weapon)" is archery bow), the first of several names
+    stays ("building;edifice" is building), and COCO's word stands where other datasets have another
     ("diningtable" is dining table, "sofa" is couch). What has neither letter nor digit becomes
     "object".
     """
     text = name.replace("_", " ")
+    text = str(_tables()["glossed"].get(text.strip(), text))
     while (shorter := _GLOSS.sub(" ", text)) != text:
         text = shorter
     text = re.split(r"[,;]", text.split("(")[0].strip(" ,;"))[0]

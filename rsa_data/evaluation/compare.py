@@ -122,7 +122,7 @@ def compare(
         f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, "
         f"{recipe.epochs} epochs; mean over images [95% interval by scene].",
         *over_seeds,
-        *notes(text.head.about, rows, protocol, kinds_of(work, names))[1:],
+        *notes(text.head.about, rows, measuring, kinds_of(work, names))[1:],
     ]
     extra = _hard(work, text, names, merged, split)
     apart = paired.differences(merged.to_pandas(), "text", measuring.draws)
@@ -143,8 +143,7 @@ def compare(
         texts["calibration.svg"] = plots.calibration(bars, "Spread over captions as an error bar")
     files = {"metrics.parquet": output.to_parquet(table)}
     files |= {file: content.encode() for file, content in texts.items()}
-    record = output.Record(heads=now, datasets=names, split=split, protocol=protocol)
-    output.write(work, folder, files, record)
+    output.write(work, folder, files, output.record_of(now, names, measuring))
     summary = texts["summary.txt"] + f"\nin {work.store.location}/{folder}"
     return Evaluation(table, rows, summary, folder)
 

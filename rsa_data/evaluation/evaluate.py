@@ -121,16 +121,15 @@ def evaluate(
             by.append(by_description(work, name, captions, numbers, found[-1].to_pandas()))
     table = pa.concat_tables(found)
     rows = summarise(table, measuring.draws)
-    said = notes(about, rows, protocol, kinds_of(work, names)) + said
+    said = notes(about, rows, measuring, kinds_of(work, names)) + said
     shown = [row for name in names for row in (*rows, *theirs) if row.dataset == name]
-    folder = f"heads/{head}/evaluation/{output.folder_name(protocol, split, datasets)}"
+    folder = f"heads/{head}/evaluation/{output.folder_name(measuring, datasets)}"
     summary = output.Summary(f"head {head}: protocol {protocol}, {split} split", shown, said)
     files = {"metrics.parquet": output.to_parquet(table), **summary.files()}
     if by:
         content = pd.concat(by).to_csv(index=False, lineterminator="\n")
         files["by_description.csv"] = content.encode()
-    record = output.Record(heads=now, datasets=list(names), split=split, protocol=protocol)
-    output.write(work, folder, files, record)
+    output.write(work, folder, files, output.record_of(now, names, measuring))
     text = f"{files['summary.txt'].decode()}\nin {work.store.location}/{folder}"
     return Evaluation(table, rows, text, folder)
 
@@ -157,7 +156,7 @@ def _paper(
 
 
 def notes(
-    about: "Description", rows: Sequence[Row], protocol: str, kinds: Mapping[str, str]
+    about: "Description", rows: Sequence[Row], measuring: Measuring, kinds: Mapping[str, str]
 ) -> list[str]:
     """What a reader of the numbers must know.
 
@@ -204,6 +203,11 @@ def notes(
             f"Synthetic: {', '.join(synthetic)} was rendered, not photographed: these numbers say "
             "nothing about real images."
         )
-    if protocol == "monodepth2":
+    if measuring.protocol == "monodepth2":
         said.append("Every prediction is scaled by the ground truth's median before clipping.")
+    if measuring.beyond == "near":
+        said.append(
+            "Where scale * y + shift is negative the depth is the minimum, as the released code "
+            "has it, not the maximum (--beyond near)."
+        )
     return said

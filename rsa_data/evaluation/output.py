@@ -19,6 +19,7 @@ from ..runner.collection import Collection
 from ..store.encoding import to_json
 from ..store.tables import WorkDir
 from .formats import FORMATS
+from .options import Measuring
 from .summary import Row
 
 RECORD = "_evaluation.json"
@@ -27,14 +28,15 @@ RECORD = "_evaluation.json"
 class Record(msgspec.Struct, kw_only=True, frozen=True):
     """_evaluation.json.
 
-    heads : sha256 of the head.json of each head measured, by name. datasets, split, protocol : what
-    was measured, and how. files : sha256 by name.
+    heads : sha256 of the head.json of each head measured, by name. datasets, split, protocol,
+    beyond : what was measured, and how. files : sha256 by name.
     """
 
     heads: dict[str, str]
     datasets: list[str]
     split: str
     protocol: str
+    beyond: str = "far"
     files: dict[str, str] = {}
 
 
@@ -93,15 +95,28 @@ def _unchanged(work: WorkDir, folder: str, record: Record) -> None:
         )
 
 
-def folder_name(protocol: str, split: str, datasets: Sequence[str]) -> str:
+def record_of(heads: dict[str, str], datasets: Sequence[str], measuring: Measuring) -> Record:
+    """The record of what is about to be written."""
+    how = {"split": measuring.split, "protocol": measuring.protocol, "beyond": measuring.beyond}
+    return Record(heads=heads, datasets=list(datasets), **how)
+
+
+def read_record(work: WorkDir, folder: str) -> Record | None:
+    """The record of a folder; None where there is none. Raises RsaDataError when it is broken."""
+    data = work.store.read(f"{folder}/{RECORD}")
+    return None if data is None else parse(data, Record, f"{folder}/{RECORD}")
+
+
+def folder_name(measuring: Measuring, datasets: Sequence[str]) -> str:
     """Folder of an evaluation: the protocol, and what was asked for beside the usual.
 
     datasets : those that were named; none for all. So that an evaluation of other datasets or of
     another split stands beside the first.
     """
     parts = [
-        protocol,
-        *([split] if split != "test" else []),
+        measuring.protocol,
+        *([measuring.beyond] if measuring.beyond != "far" else []),
+        *([measuring.split] if measuring.split != "test" else []),
         *(["+".join(datasets)] * bool(datasets)),
     ]
     return ".".join(parts)
@@ -118,25 +133,24 @@ def _folders(work: WorkDir, place: str) -> list[str]:
 
 
 def _wrong(work: WorkDir, folder: str) -> list[str]:
-    data = work.store.read(f"{folder}/{RECORD}")
-    if data is None:
-        # Version 0.1 wrote no record; half an evaluation has none either.
-        return []
     try:
-        record = parse(data, Record, f"{folder}/{RECORD}")
+        found = read_record(work, folder)
     except RsaDataError as error:
         return [f"{error}. Run the evaluation again"]
+    if found is None:
+        # Version 0.1 wrote no record; half an evaluation has none either.
+        return []
     lines = []
-    for name, digest in record.files.items():
+    for name, digest in found.files.items():
         content = work.store.read(f"{folder}/{name}")
         if content is None:
             lines.append(f"{folder}/{name}: expected this file; found none. Run it again")
         elif hashlib.sha256(content).hexdigest() != digest:
             lines.append(f"{folder}/{name}: damaged: its sha256 is not the one in {RECORD}")
-    now = heads_now(work, record.heads)
+    now = heads_now(work, found.heads)
     lines += [
         f"{folder}: out of date: the head {name} was trained again since"
-        for name, digest in record.heads.items()
+        for name, digest in found.heads.items()
         if now[name] != digest
     ]
     return lines

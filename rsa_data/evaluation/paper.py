@@ -8,8 +8,6 @@ from typing import Any
 
 from .summary import Row
 
-_METRICS = ("delta1", "abs_rel", "rmse")
-
 
 @cache
 def _paper() -> dict[str, Any]:
@@ -35,48 +33,59 @@ def paper_rows(
     paper = _paper()
     here = [row for row in paper["row"] if row["dataset"] == kind]
     if not here:
-        return [], [f"paper: {dataset}: the paper reports nothing on {kind}"]
+        reason = paper["unknown"].get(kind, f"the paper reports nothing on {kind}")
+        return [], [f"paper: {dataset}: {reason}"]
     for what, ours, theirs in (
         ("protocol", protocol, paper["protocol"]),
-        ("split", split, paper["split"]),
+        ("split", split, paper["split"].get(kind, "test")),
         ("number of test images", images, paper["images"][kind]),
     ):
         if ours != theirs:
             return [], [f"paper: {dataset}: no row taken: {what} is {ours} here, {theirs} there"]
-    rows, reasons = [], {}
-    for row in here:
-        backbone = row.get("backbone")
-        why = (
-            None
-            if backbone is None
-            else _differs(paper["backbone"][backbone], kind, model, options)
+    why = {
+        backbone: _differs(about, kind, model, options)
+        for backbone, about in paper["backbone"].items()
+    }
+    rows = [
+        Row(
+            dataset=dataset,
+            method=f"paper: {row['method']}{_trained(row)}",
+            images=images,
+            failed=0,
+            scenes=0,
+            mean=dict(zip(_metrics(kind, len(numbers)), numbers, strict=True)),
+            low={},
+            high={},
         )
-        if why is not None:
-            reasons[paper["backbone"][backbone]["title"]] = why
-            continue
-        trained = f" ({row['trained']})" if row["trained"] else ""
-        rows.append(
-            Row(
-                dataset=dataset,
-                method=f"paper: {row['method']}{trained}",
-                images=images,
-                failed=0,
-                scenes=0,
-                mean=dict(zip(_METRICS, row["numbers"], strict=True)),
-                low={},
-                high={},
-            )
-        )
-    notes = [f"paper: {dataset}: rows of {title} left out: {why}" for title, why in reasons.items()]
+        for row in here
+        for backbone in (*why, "numbers")
+        if (numbers := row.get(backbone)) and why.get(backbone) is None
+    ]
+    used = [backbone for backbone in why if any(backbone in row for row in here)]
+    notes = [
+        f"paper: {dataset}: rows of {paper['backbone'][name]['title']} left out: {why[name]}"
+        for name in used
+        if why[name]
+    ]
     return rows, notes
+
+
+def _trained(row: Mapping[str, Any]) -> str:
+    return f" ({row['trained']})" if row["trained"] else ""
+
+
+def _metrics(kind: str, count: int) -> tuple[str, ...]:
+    """The metrics of a row's numbers: three of the main tables, or six of the rebuttal's."""
+    if count == 3:
+        return ("delta1", "abs_rel", "rmse")
+    log = "rmse_log" if kind == "kitti" else "log10"
+    return ("delta1", "delta2", "delta3", "abs_rel", log, "rmse")
 
 
 def _differs(
     backbone: Mapping[str, Any], kind: str, model: str, options: Mapping[str, Any]
 ) -> str | None:
     """Why a backbone of the paper is not the depth model at hand; None when it is."""
-    if "model" not in backbone:
-        return "its weights are not among the models here"
     if backbone["model"] != model:
         return f"y was made by {model} here, by {backbone['model']} there"
     if kind not in backbone["geometry"]:

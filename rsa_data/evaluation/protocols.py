@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from .. import registry
 from ..common.errors import RowError, UsageError, unknown
+from ..datasets import index
 from ..datasets.dataset import Dataset
 from ..datasets.kitti import CROP
 
@@ -124,4 +124,4 @@ def of_names(protocol: str | None, dataset: str | None) -> Rules:
         raise unknown("protocol", protocol, PROTOCOLS)
     if dataset in PROTOCOLS[protocol]:
         return PROTOCOLS[protocol][dataset]
-    return rules(protocol, registry.build("dataset", registry.DATASETS, dataset), dataset)
+    return rules(protocol, index.open_dataset(dataset, {})[0], dataset)

@@ -102,11 +102,11 @@ def robustness(
         for row in rows
         if row.mean and row.method != "plain" and row.dataset in plain
     ]
-    folder = f"heads/{head}/robustness/{output.folder_name(protocol, split, datasets)}"
+    folder = f"heads/{head}/robustness/{output.folder_name(measuring, datasets)}"
     title = f"head {head}, descriptions changed: protocol {protocol}, {split} split"
     files = output.Summary(title, rows, said).files()
-    record = output.Record(heads=now, datasets=names, split=split, protocol=protocol)
-    output.write(work, folder, {"metrics.parquet": output.to_parquet(table), **files}, record)
+    files["metrics.parquet"] = output.to_parquet(table)
+    output.write(work, folder, files, output.record_of(now, names, measuring))
     text = f"{files['summary.txt'].decode()}\nin {work.store.location}/{folder}"
     return Evaluation(table, rows, text, folder)
 

@@ -72,6 +72,17 @@ def test_occupied_as_the_released_code_wrote_it():
     )
 
 
+def test_occupied_share_is_the_percentage_as_a_share():
+    assert plain("occupied-share", BEDROOM[:3]) == (
+        "An image with wall occupied 0.301 of image, bed occupied 0.1342 of image, "
+        "chair occupied 0.05 of image."
+    )
+    whole = objects(("wall", 1.0), ("cup", 0.004))
+    assert plain("occupied-share", whole, digits=0) == (
+        "An image with wall occupied 1.0 of image, cup occupied 0.0 of image."
+    )
+
+
 def test_classes():
     assert plain("classes") == "An image with wall, bed, chair, chair, stairs, orange"
 
@@ -153,7 +164,7 @@ def test_things_and_background():
 
 
 ALL_STYLES = [
-    "classes", "counts", "occupancy", "occupied", "located", "grid", "intrinsics", "release"
+    "classes", "counts", "occupancy", "occupied", "occupied-share", "located", "grid", "intrinsics", "release"
 ]  # fmt: skip
 
 
@@ -163,8 +174,8 @@ def test_nothing_found(style):
 
 
 def test_names_are_written_as_words():
-    found = objects(("bow_(weapon)", 0.5), ("sky-other-merged", 0.3), ("building;edifice", 0.1))
-    assert plain("classes", found) == "An image with bow, sky, building"
+    found = objects(("cup_(trophy)", 0.5), ("sky-other-merged", 0.3), ("building;edifice", 0.1))
+    assert plain("classes", found) == "An image with cup, sky, building"
 
 
 def test_classes_of_one_name_are_one_group():

@@ -129,16 +129,18 @@ LVIS_PLURALS = """
     box>cigar boxes, cockroach>cockroaches, couch>couches, compass>compasses, crucifix>crucifixes,
     crutch>crutches, deer>deer, diary>diaries, die>dice, dinghy>dinghies, tux>tuxes,
     dish>dishes, domestic ass>domestic asses, dragonfly>dragonflies, dress>dresses, elk>elk,
-    eyepatch>eyepatches, ferry>ferries, fish>fish, flash>flashes, flute glass>flute glasses,
+    eyepatch>eyepatches, ferry>ferries, fish>fish, fish dish>fish dishes, flash>flashes, flute glass>flute glasses,
     glass>glasses, goldfish>goldfish, goose>geese, grizzly>grizzlies, hairbrush>hairbrushes,
     hand glass>hand glasses, hatbox>hatboxes, headscarf>headscarves,
     hippopotamus>hippopotamuses, hourglass>hourglasses, knife>knives, latch>latches,
     mailbox>mailboxes, mashed potato>mashed potatoes, matchbox>matchboxes, mattress>mattresses,
-    mint candy>mint candies, mouse>mice, octopus>octopuses, ostrich>ostriches,
+    mint candy>mint candies, mouse>mice, octopus>octopuses, octopus dish>octopus
+    dishes, ostrich>ostriches,
     paintbrush>paintbrushes, pastry>pastries, patty>patties, peach>peaches, pencil box>pencil
     boxes, penny>pennies, person>people, pocket watch>pocket watches, pocketknife>pocketknives,
     pony>ponies, postbox>postboxes, potato>potatoes, pouch>pouches, puppy>puppies,
-    radish>radishes, raspberry>raspberries, rhinoceros>rhinoceroses, salmon>salmon,
+    radish>radishes, raspberry>raspberries, rhinoceros>rhinoceroses, salmon>salmon, salmon
+    dish>salmon dishes,
     sandwich>sandwiches, scarf>scarves, school bus>school buses, scrubbing brush>scrubbing
     brushes, sheep>sheep, shot glass>shot glasses, snowman>snowmen, crawfish>crawfish,
     squid>squid, stagecoach>stagecoaches, starfish>starfish, steak knife>steak knives,
@@ -176,6 +178,7 @@ def test_all_lvis_names_are_words(shared):
         found = word(label)
         assert not set("_()") & set(found.name + found.plural), label
         assert found.article in ("a ", "an ", "")
+    assert len({word(label).name for label in labels}) == 1203
 
 
 def test_lvis_articles_differ_from_the_letter_where_the_sound_does(shared):

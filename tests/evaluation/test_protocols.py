@@ -93,20 +93,89 @@ def test_an_unknown_protocol_names_the_nearest():
         protocols.rules("monodepth", ANY, "nyuv2")
 
 
-@pytest.mark.parametrize("size", [(530, 730), (427, 561), (531, 681), (441, 591), (240, 320)])
+SUN = [(530, 730), (427, 561), (531, 681), (441, 591), (240, 320)]
+
+
+@pytest.mark.parametrize("size", SUN)
 def test_sun_rgbd_as_depth_anything_slices_it(size):
     """Depth Anything metric_depth, SUN RGB-D: eval_mask[45:471, 41:601] = 1 at every size."""
     mask = np.zeros(size, bool)
     mask[45:471, 41:601] = True
     rule = protocols.rules("depth-anything", ANY, "sunrgbd")
     np.testing.assert_array_equal(rule.region(*size), mask)
+    assert mask.sum() == (min(471, size[0]) - 45) * (min(601, size[1]) - 41)
     assert (rule.min_depth, rule.max_depth) == (1e-3, 8.0)
 
 
 def test_ddad_as_depth_anything_cuts_it():
     """Garg's fractions of the whole map, no KB crop."""
     rule = protocols.rules("depth-anything", ANY, "ddad")
-    np.testing.assert_array_equal(rule.region(1216, 1936), monodepth2_kitti(1216, 1936))
+    region = rule.region(1216, 1936)
+    np.testing.assert_array_equal(region, monodepth2_kitti(1216, 1936))
+    # .40810811 * 1216 = 496.26, .99189189 * 1216 = 1206.14; .03594771 * 1936 = 69.59 ...
+    assert region[496:1206, 69:1866].all() and region.sum() == (1206 - 496) * (1866 - 69)
+    assert (rule.min_depth, rule.max_depth) == (1e-3, 80.0)
+
+
+def slices(protocol, dataset, height, width):
+    """Rows and columns that count, by hand from the codebases' numbers; None: all of them."""
+    if dataset == "nyuv2":
+        return None if protocol == "rsa" else (45, 471, 41, 601)
+    if dataset == "kitti":
+        if protocol == "monodepth2":  # Garg's fractions of 375 x 1242
+            return (153, 371, 44, 1197)
+        # Those of 352 x 1216 (143 to 349, 43 to 1172) in the crop, which begins at (23, 13).
+        return (23 + 143, 23 + 349, 13 + 43, 13 + 1172)
+    if protocol == "depth-anything":
+        return {"sunrgbd": (45, 471, 41, 601), "ddad": (496, 1206, 69, 1866)}.get(dataset)
+    return None
+
+
+SIZES = {"nyuv2": (480, 640), "kitti": (375, 1242), "sunrgbd": (530, 730), "ddad": (1216, 1936)}
+CAPS = {"nyuv2": 10.0, "kitti": 80.0, "sunrgbd": 8.0, "ddad": 80.0}
+
+
+@pytest.mark.parametrize("dataset", SIZES)
+@pytest.mark.parametrize("protocol", protocols.PROTOCOLS)
+def test_sixteen_cases_as_the_published_code_computes_them(protocol, dataset):
+    """eval.py of BTS and of Depth Anything, evaluate_depth.py of Monodepth2, train_3d.py of RSA.
+
+    They share their steps: cut, (scale by the median), clip, the errors of valid pixels.
+    """
+    height, width = SIZES[dataset]
+    cap = CAPS[dataset]
+    rng = np.random.default_rng(0)
+    true = rng.uniform(0, 1.2 * cap, (height, width))
+    pred = true * rng.uniform(0.5, 1.6, true.shape)
+    true[rng.random(true.shape) < 0.3] = 0.0
+    pred[0, :3] = np.nan, np.inf, -1.0
+    mask = (true > 1e-3) & (true < cap)
+    if (cut := slices(protocol, dataset, height, width)) is not None:
+        inside = np.zeros_like(mask)
+        inside[cut[0] : cut[1], cut[2] : cut[3]] = True
+        mask &= inside
+    pred_valid, gt = pred[mask], true[mask]
+    if protocol == "monodepth2":
+        # Signs that no median can take would stand in the first row.
+        pred_valid = pred_valid * np.median(gt) / np.median(pred_valid)
+    pred_valid[np.isnan(pred_valid)] = 1e-3
+    pred_valid[pred_valid < 1e-3] = 1e-3
+    pred_valid[pred_valid > cap] = cap
+    thresh = np.maximum(gt / pred_valid, pred_valid / gt)
+    log = np.log(pred_valid) - np.log(gt)
+    expected = {
+        "delta1": (thresh < 1.25).mean(),
+        "delta2": (thresh < 1.25**2).mean(),
+        "delta3": (thresh < 1.25**3).mean(),
+        "abs_rel": np.mean(np.abs(gt - pred_valid) / gt),
+        "sq_rel": np.mean((gt - pred_valid) ** 2 / gt),
+        "rmse": np.sqrt(((gt - pred_valid) ** 2).mean()),
+        "rmse_log": np.sqrt((log**2).mean()),
+        "log10": np.mean(np.abs(np.log10(pred_valid) - np.log10(gt))),
+        "silog": np.sqrt(np.mean(log**2) - np.mean(log) ** 2) * 100,
+    }
+    found = depth_errors(true, pred, protocol=protocol, dataset=dataset)
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 def test_depth_errors_under_a_protocol():
@@ -120,6 +189,11 @@ def test_depth_errors_under_a_protocol():
     assert scaled["abs_rel"] == pytest.approx(0, abs=1e-12)
     near = depth_errors(gt, pred, protocol="rsa", dataset="nyuv2", max_depth=4.0)["abs_rel"]
     assert near == pytest.approx((0.1 * 435 + 1.0 * 45) / 480)
+    # A dataset whose range no protocol states has its own.
+    far = depth_errors(np.full((6, 8), 70.0), np.full((6, 8), 99.0), protocol="rsa", dataset="ddad")
+    assert far["abs_rel"] == pytest.approx(10 / 70)
+    with pytest.raises(UsageError, match="unknown dataset 'ddat'. Did you mean 'ddad'"):
+        depth_errors(gt, pred, protocol="rsa", dataset="ddat")
     with pytest.raises(UsageError, match="protocol and dataset together"):
         depth_errors(gt, pred, protocol="rsa")
     with pytest.raises(RsaDataError, match="expected min_depth and max_depth, or protocol"):

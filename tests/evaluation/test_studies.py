@@ -77,9 +77,11 @@ SAME = {
 def test_the_papers_rows_where_all_is_the_same():
     rows, notes = paper.paper_rows("rooms", "nyuv2", **SAME)
     found = {row.method: row.mean for row in rows}
-    assert found["paper: RSA (N+K)"] == {"delta1": 0.776, "abs_rel": 0.148, "rmse": 0.498}
-    assert found["paper: ZoeDepth"]["abs_rel"] == 0.077
-    assert len(found) == 10
+    six = dict(delta1=0.776, delta2=0.974, delta3=0.996, abs_rel=0.148, log10=0.065, rmse=0.498)
+    assert found["paper: RSA (N+K)"] == six
+    assert found["paper: RSA, counts (User-friendly-2) (N+K)"]["abs_rel"] == 0.150
+    assert found["paper: ZoeDepth"] == {"delta1": 0.951, "abs_rel": 0.077, "rmse": 0.282}
+    assert len(found) == 12
     assert {row.dataset for row in rows} == {"rooms"}
     assert [note for note in notes if "DPT" in note or "MiDaS" in note] == notes
 
@@ -91,6 +93,8 @@ def test_the_papers_rows_where_all_is_the_same():
         ("nyuv2", {"split": "val"}, "split is val here"),
         ("nyuv2", {"images": 500}, "number of test images is 500 here, 654 there"),
         ("folder", {}, "the paper reports nothing on folder"),
+        ("sun3d", {}, "zero-shot rows on it, whose numbers are not known here"),
+        ("ddad", {"images": 3950}, "split is test here, val there"),
     ],
 )
 def test_no_row_of_the_paper_when_conditions_differ(kind, change, why):
@@ -111,6 +115,38 @@ def test_another_backbone_leaves_only_models_that_need_none(change, why):
     rows, notes = paper.paper_rows("nyuv2", "nyuv2", **SAME | change)
     assert [row.method for row in rows] == ["paper: ZeroDepth", "paper: ZoeDepth"]
     assert any(why in note for note in notes)
+
+
+def test_the_papers_rows_of_every_backbone_on_kitti():
+    how = SAME | {"images": 652, "options": {"geometry": "1204x350", "crop": "kb"}}
+    depth_anything = {r.method: r.mean for r in paper.paper_rows("kitti", "kitti", **how)[0]}
+    assert depth_anything["paper: LLaVA-1.6 vision encoder (N+K)"] == dict(
+        delta1=0.685, delta2=0.930, delta3=0.978, abs_rel=0.183, rmse_log=0.215, rmse=4.878
+    )
+    errors = {}
+    for model, size in (("dpt-hybrid-finetuned", "1216x352"), ("midas-swin2-large-384", "384x384")):
+        how |= {"model": model, "options": {"geometry": size, "crop": "kb"}}
+        rows = {row.method: row.mean for row in paper.paper_rows("kitti", "kitti", **how)[0]}
+        errors[model] = [
+            rows[f"paper: {method} (N+K)"]["abs_rel"]
+            for method in (
+                "detector features",
+                "RSA, classes (User-friendly-1)",
+                "RSA, counts (User-friendly-2)",
+                "RSA",
+            )
+        ]
+    assert errors == {
+        "dpt-hybrid-finetuned": [0.108, 0.065, 0.066, 0.060],
+        "midas-swin2-large-384": [0.168, 0.163, 0.162, 0.160],
+    }
+
+
+def test_the_papers_rows_of_ddad_are_of_its_validation_split():
+    how = SAME | {"split": "val", "images": 3950}
+    rows, notes = paper.paper_rows("ddad", "ddad", **how)
+    assert rows == []  # at which size y was made there is not known
+    assert [note for note in notes if "the geometry that its y was made at" in note]
 
 
 def test_evaluate_compares_with_the_paper_and_says_why_not(work):

@@ -11,8 +11,11 @@ from ... import registry
 from ...common import html
 from ...common.errors import RsaDataError
 from ...common.html import Html, tag
+from ...evaluation import output
 from ...evaluation.metrics import metrics
+from ...evaluation.options import Measuring
 from ...evaluation.paper import paper_rows
+from ...evaluation.setting import split_of
 from ...store.tables import WorkDir
 from . import plots
 from .lineage import head_description, head_names
@@ -158,13 +161,18 @@ def _cells(row: dict[str, str]) -> list[str]:
 
 
 def _paper(
-    work: WorkDir, name: str, protocol: str, rows: list[dict[str, str]]
+    work: WorkDir, name: str, folder: str, rows: list[dict[str, str]]
 ) -> tuple[list[list[Any]], list[str]]:
     """The paper's rows that hold under the same conditions, and why others do not stand here."""
     if any(row["method"].startswith("paper:") for row in rows):
         return [], []
     found: list[list[Any]] = []
     said: list[str] = []
+    try:
+        record = output.read_record(work, f"heads/{name}/evaluation/{folder}")
+    except RsaDataError as error:
+        return [], [str(error)]
+    how = Measuring() if record is None else Measuring(record.protocol, record.split)
     for dataset in dict.fromkeys(row["dataset"] for row in rows):
         model = head_description(work, name).get("depth_model", {}).get("model")
         try:
@@ -173,7 +181,8 @@ def _paper(
         except (RsaDataError, KeyError):
             continue
         theirs, notes = paper_rows(
-            dataset, kind, split="test", protocol=protocol, model=str(model), options=options,
+            dataset, kind, split=split_of(how.split, dataset), protocol=how.protocol,
+            model=str(model), options=options,
             images=max(int(row["images"]) for row in rows if row["dataset"] == dataset),
         )  # fmt: skip
         said += notes
