@@ -164,7 +164,8 @@ def test_things_and_background():
 
 
 ALL_STYLES = [
-    "classes", "counts", "occupancy", "occupied", "occupied-share", "located", "grid", "intrinsics", "release"
+    "classes", "counts", "occupancy", "occupied", "occupied-share", "located", "grid",
+    "intrinsics", "release",
 ]  # fmt: skip
 
 

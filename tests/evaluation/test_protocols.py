@@ -192,7 +192,7 @@ def test_depth_errors_under_a_protocol():
     # A dataset whose range no protocol states has its own.
     far = depth_errors(np.full((6, 8), 70.0), np.full((6, 8), 99.0), protocol="rsa", dataset="ddad")
     assert far["abs_rel"] == pytest.approx(10 / 70)
-    with pytest.raises(UsageError, match="unknown dataset 'ddat'. Did you mean 'ddad'"):
+    with pytest.raises(UsageError, match=r"unknown dataset 'ddat'\. Did you mean 'ddad'"):
         depth_errors(gt, pred, protocol="rsa", dataset="ddat")
     with pytest.raises(UsageError, match="protocol and dataset together"):
         depth_errors(gt, pred, protocol="rsa")
