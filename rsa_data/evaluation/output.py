@@ -97,8 +97,13 @@ def _unchanged(work: WorkDir, folder: str, record: Record) -> None:
 
 def record_of(heads: dict[str, str], datasets: Sequence[str], measuring: Measuring) -> Record:
     """The record of what is about to be written."""
-    how = {"split": measuring.split, "protocol": measuring.protocol, "beyond": measuring.beyond}
-    return Record(heads=heads, datasets=list(datasets), **how)
+    return Record(
+        heads=heads,
+        datasets=list(datasets),
+        split=measuring.split,
+        protocol=measuring.protocol,
+        beyond=measuring.beyond,
+    )
 
 
 def read_record(work: WorkDir, folder: str) -> Record | None:
