@@ -1,0 +1,1 @@
+"""Parts of mutation.py: where code can be changed, which tests run it, one trial."""

@@ -1,0 +1,194 @@
+"""Do the tests notice a changed number? Small faults, one at a time, and the tests that run them.
+
+    pip install -e ".[dev,mutation]"
+    python benchmarks/mutation.py [--state DIR] [--minutes 8]
+
+cosmic-ray makes the mutants: a comparison, an operator, a constant, a condition, in captions,
+depth, evaluation, heads, store, the decoders of segments, and two modules that they stand on. Of
+all places where the code can be changed so, 520 are drawn with a seed, and one mutant at each.
+The tests of these rooms run once with coverage; then each mutant is written into a copy of the
+tree, and the tests that run its lines are run on it, fastest first, until one fails. A time limit
+of a few times the normal time counts as caught. Unchanged files are tried too, as controls: their
+tests must pass.
+
+Call it until it says that nothing is left: each call goes on where the last one stopped, after so
+many minutes at most. Then it writes benchmarks/results/mutation.json and mutation.md: what was
+caught, and the survivors, each with its reason from benchmarks/mutating/survivors.toml.
+--again tries the survivors once more, with tests that are new since. The folder ../shared is not
+beside the copy, so tests that need it are skipped: the figures are those of any checkout.
+"""
+
+import argparse
+import json
+import pickle
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+# Test files that are measured: those of the rooms, and of the modules that they stand on.
+TESTS = ("tests/captions", "tests/depth", "tests/evaluation", "tests/heads", "tests/segments",
+         "tests/store", "tests/datasets/test_datasets.py",
+         "tests/datasets/test_nyuv2_labeled.py")  # fmt: skip
+CONTROLS = 12
+BUDGET = 40.0  # seconds of normal time that the tests of one mutant may take
+RESULTS = ROOT / "benchmarks" / "results"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--state", type=Path, default=Path("/tmp/rsa-data-mutation"))
+    parser.add_argument("--minutes", type=float, default=8.0, help="stop after so long")
+    parser.add_argument("--mutants", type=int, default=520)
+    parser.add_argument("--seed", type=int, default=16)
+    parser.add_argument("--again", action="store_true", help="try the survivors again")
+    options = parser.parse_args()
+    deadline = time.monotonic() + 60 * options.minutes
+
+    from mutating import trial
+
+    state = options.state.resolve()
+    tree = state / "tree"
+    (state / "cover").mkdir(parents=True, exist_ok=True)
+    trial.copied(ROOT, tree)
+    trial.load_libraries()
+    if not covered(state, tree, deadline):
+        print("more tests to measure: call again")
+        return
+    drawn = state / f"sample-{options.seed}.json"
+    if not drawn.exists():
+        draw(tree, options, drawn)
+    left = test_all(state, tree, drawn, options.again, deadline)
+    report(drawn)
+    print(f"{left} left: call again" if left else "nothing is left")
+
+
+def covered(state: Path, tree: Path, deadline: float) -> bool:
+    """Measure the test files that are new or changed; False when the time ran out."""
+    from mutating import covering, trial
+
+    for tests in test_files(tree):
+        out = state / "cover" / f"{tests.replace('/', '+')}.pickle"
+        if out.exists():
+            known = pickle.loads(out.read_bytes())
+            if known["digest"] == covering.digest(tree / tests):
+                continue
+        if time.monotonic() > deadline:
+            return False
+        log = state / "cover" / f"{tests.replace('/', '+')}.log"
+        begun = time.monotonic()
+
+        def work(tests=tests, out=out) -> int:
+            covering.measure(tree, tests, out)
+            return 0
+
+        status = trial.forked(tree, log, 900, work)
+        print(f"covered {tests}: {time.monotonic() - begun:.0f} s, status {status}", flush=True)
+        if status != 0:
+            sys.exit(f"{tests} could not be measured, see {log}")
+    return True
+
+
+def test_files(tree: Path) -> list[str]:
+    found = []
+    for name in TESTS:
+        place = tree / name
+        found += sorted(place.glob("test_*.py")) if place.is_dir() else [place]
+    return [path.relative_to(tree).as_posix() for path in found]
+
+
+def draw(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
+    from mutating import places
+
+    found = [{"key": m.key, "operator": m.operator, "line": m.line}
+             for m in places.sample(tree, options.mutants, options.seed)]  # fmt: skip
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True,
+                            capture_output=True, text=True).stdout.strip()  # fmt: skip
+    about = {"seed": options.seed, "commit": commit, "mutants": found, "controls": []}
+    drawn.write_text(json.dumps(about, indent=1))
+
+
+def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float) -> int:
+    """Try what has no result yet; returns how many are left when the time is over."""
+    from mutating import covering, places, trial
+
+    maps = [pickle.loads((state / "cover" / f"{t.replace('/', '+')}.pickle").read_bytes())
+            for t in test_files(tree)]  # fmt: skip
+    about = json.loads(drawn.read_text())
+    mutants = about["mutants"]
+    todo = [m for m in mutants if "outcome" not in m or (again and m["outcome"] == "survived")]
+    for done, entry in enumerate(todo):
+        if time.monotonic() > deadline:
+            return len(todo) - done
+        found = places.find(tree, tuple(entry["key"]))
+        if found is None:
+            entry.update(outcome="gone", by="the code has changed since")
+            continue
+        tests = covering.choose(maps, tree, found, BUDGET)
+        if len(about["controls"]) < CONTROLS and done % 40 == 0:
+            about["controls"].append({"file": found.file, **trial.tried(tree, tests, state)})
+        with trial.changed(tree / found.file, found.code):
+            result = trial.tried(tree, tests, state)
+        entry["line"] = found.line
+        if again and result["outcome"] == "caught":
+            result["added"] = True
+        entry.update(result, tests=len(tests))
+        print(f"{result['outcome']} {found.file}:{found.line} {result['seconds']} s", flush=True)
+        drawn.write_text(json.dumps(about, indent=1))
+    return 0
+
+
+def report(drawn: Path) -> None:
+    """Write the results; a survivor without a reason is listed as open."""
+    about = json.loads(drawn.read_text())
+    tried = [m for m in about["mutants"] if m.get("outcome") in ("caught", "survived")]
+    if not tried:
+        return
+    survivors = [m for m in tried if m["outcome"] == "survived"]
+    at_first = len(survivors) + sum(bool(m.get("added")) for m in tried)
+    known = tomllib.loads((ROOT / "benchmarks/mutating/survivors.toml").read_text("utf-8"))
+    reasons = {(s["file"], s["function"], s["before"], s["after"]): s["reason"]
+               for s in known.get("survivor", [])}  # fmt: skip
+    controls = [c["outcome"] for c in about["controls"]]
+    figures = {
+        "seed": about["seed"],
+        "commit": about["commit"],
+        "mutants": len(tried),
+        "caught": len(tried) - len(survivors),
+        "share_caught": round(1 - len(survivors) / len(tried), 4),
+        "share_caught_before_the_tests_that_it_led_to": round(1 - at_first / len(tried), 4),
+        "controls": len(controls),
+        "controls_that_passed": controls.count("survived"),
+        "other": len(about["mutants"]) - len(tried),
+        "seconds": round(sum(m["seconds"] for m in tried)),
+    }
+    rooms: dict[str, list[int]] = {}
+    for mutant in tried:
+        count = rooms.setdefault(mutant["key"][0].split("/")[1], [0, 0])
+        count[0] += 1
+        count[1] += mutant["outcome"] == "caught"
+    suffix = "" if about["seed"] == 16 else f"_{about['seed']}"
+    every = [{"file": m["key"][0], "function": m["key"][1], "before": m["key"][2],
+              "after": m["key"][3], "operator": m["operator"], "outcome": m["outcome"],
+              "by": m["by"]} for m in tried]  # fmt: skip
+    (RESULTS / f"mutation{suffix}.json").write_text(
+        json.dumps({**figures, "rooms": rooms, "tried": every}, indent=1) + "\n", "utf-8")  # fmt: skip
+    text = ["# Mutants that the tests let pass\n", "Written by benchmarks/mutation.py.\n"]
+    text += [f"- {name.replace('_', ' ')}: {value}" for name, value in figures.items()]
+    text += ["", "| room | mutants | caught |", "|---|---|---|"]
+    text += [f"| {room} | {n} | {caught} |" for room, (n, caught) in sorted(rooms.items())]
+    for m in sorted(survivors, key=lambda m: m["key"]):
+        file, function, before, after = m["key"]
+        text += ["", f"## {file}{':' + function if function else ''}", "", "```diff",
+                 f"- {before}", f"+ {after}", "```", "",
+                 reasons.get((file, function, before, after), "OPEN: no reason yet.")]  # fmt: skip
+    (RESULTS / f"mutation{suffix}.md").write_text("\n".join(text) + "\n", "utf-8")
+    print(json.dumps(figures, indent=1))
+
+
+if __name__ == "__main__":
+    main()
