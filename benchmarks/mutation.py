@@ -175,8 +175,8 @@ def report(drawn: Path) -> None:
     every = [{"file": m["key"][0], "function": m["key"][1], "before": m["key"][2],
               "after": m["key"][3], "operator": m["operator"], "outcome": m["outcome"],
               "by": m["by"]} for m in tried]  # fmt: skip
-    (RESULTS / f"mutation{suffix}.json").write_text(
-        json.dumps({**figures, "rooms": rooms, "tried": every}, indent=1) + "\n", "utf-8")  # fmt: skip
+    written = json.dumps({**figures, "rooms": rooms, "tried": every}, indent=1)
+    (RESULTS / f"mutation{suffix}.json").write_text(f"{written}\n", "utf-8")
     text = ["# Mutants that the tests let pass\n", "Written by benchmarks/mutation.py.\n"]
     text += [f"- {name.replace('_', ' ')}: {value}" for name, value in figures.items()]
     text += ["", "| room | mutants | caught |", "|---|---|---|"]

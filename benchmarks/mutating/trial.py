@@ -26,8 +26,9 @@ MEMORY = 8 << 30  # bytes of data a trial may take: a changed loop can allocate 
 
 def copied(root: Path, tree: Path) -> None:
     """Bring `tree` to the tracked and new files of the working tree."""
-    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=root,
-                            check=True, capture_output=True, text=True).stdout.splitlines()  # fmt: skip
+    command = ["git", "ls-files", "-co", "--exclude-standard"]
+    run = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True)
+    listed = run.stdout.splitlines()
     for name in listed:
         source, target = root / name, tree / name
         if not source.is_file():

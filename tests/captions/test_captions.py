@@ -65,6 +65,31 @@ def test_plain_caption_keeps_the_largest_that_fit(images, limit):
     assert plain == [greedy(found, limit) for found in images]
 
 
+NAMED = {"wall": "a wall", "dining table": "a dining table", "oven": "an oven", "bed": "a bed",
+         "fire hydrant": "a fire hydrant", "umbrella": "an umbrella"}  # fmt: skip
+
+
+def greedy_release(found: list[dict], limit: int) -> str:
+    """The same for the release's wording, whose last object has ", and " before it."""
+    text, parts = "An image.", []
+    for one in sorted(found, key=lambda s: -s["area"]):
+        more = [*parts, NAMED[one["label"]]]
+        listed = ", and ".join([", ".join(more[:-1]), more[-1]]) if len(more) > 1 else more[0]
+        if clip().count([f"An image with {listed}."])[0] <= limit:
+            text, parts = f"An image with {listed}.", more
+    return text
+
+
+@pytest.mark.parametrize("first", range(len(NAMED)))
+def test_what_stands_before_the_last_object_is_in_the_budget(first):
+    names = [*NAMED][first:] + [*NAMED][:first]
+    found = objects(*((name, 0.5 - 0.05 * k) for k, name in enumerate(names)))
+    for limit in range(5, 30):
+        row = written(segments({"a": found}), variants=1, max_tokens=limit, style="release")[0]
+        assert row["text"] == greedy_release(found, limit)
+        assert row["n_tokens"] == clip().count([row["text"]])[0] <= limit
+
+
 def test_an_object_that_does_not_fit_is_skipped():
     long = "very " * 20 + "long name"
     table = segments({"a": objects((long, 0.5), ("bed", 0.25), ("cup", 0.125))})

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError
@@ -281,3 +282,21 @@ def test_any_split_file_is_read_or_refused(tmp_path, data):
     for image, depth, focal in found:
         assert inside(image, "") == image and 0 < focal < float("inf")
         assert depth is None or ".." not in depth.split("/")
+
+
+def test_nyus_camera_and_unit_are_those_of_its_toolbox_and_of_bts(tmp_path):
+    # camera_params.m: fx_rgb, fy_rgb, cx_rgb, cy_rgb; BTS' dataloader divides NYU's depth by 1000.
+    assert CAMERA == (5.1885790117450188e02, 5.1946961112127485e02,
+                      3.2558244941119034e02, 2.5373616633400465e02)  # fmt: skip
+    Image.fromarray(np.array([[0, 1, 1000, 9999]], np.uint16)).save(tmp_path / "depth.png")
+    depth = nyuv2().read_depth(tmp_path / "depth.png")
+    np.testing.assert_allclose(depth, [[0, 0.001, 1, 9.999]], rtol=1e-6)
+    assert (nyuv2().min_depth, nyuv2().max_depth) == (1e-3, 10.0)  # of BTS' evaluation
+
+
+def test_nyus_border_is_where_bts_crops():
+    # Rows 45 to 471 and columns 43 to 607 of 480 x 640 (BTS, eval mask "crop 45:472, 43:608").
+    mask = nyuv2().train_mask(480, 640)
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    assert (rows[0], rows[-1], columns[0], columns[-1]) == (45, 471, 43, 607)
+    assert mask.sum() == 427 * 565

@@ -7,12 +7,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import scipy.stats
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets.dataset import Dataset
-from rsa_data.depth import files, fits, onnx, pixels
+from rsa_data.depth import files, onnx
 from rsa_data.depth.measure import STAGE, at_size, build
 from rsa_data.depth.measure import files as model_files
 from rsa_data.depth.model import Relative
@@ -201,36 +199,6 @@ def test_files_of_8_bits_are_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "x.png"), np.zeros((4, 4, 3), np.uint8))
     with pytest.raises(RowError, match="a 16-bit grey PNG, found 8 bits, RGB"):
         files.read(tmp_path, "x")
-
-
-@given(st.integers(1, 300), st.integers(1, 300), st.integers(0, 9), st.text(max_size=9))
-def test_draw_takes_each_number_once_before_any_twice(n, k, seed, sample_id):
-    drawn = pixels.draw(n, k, seed, sample_id)
-    counts = np.bincount(drawn, minlength=n)
-    assert len(drawn) == k
-    assert counts.max() - counts.min() <= 1
-    assert np.array_equal(drawn, pixels.draw(n, k, seed, sample_id))
-    if k <= n:  # the first few are what a smaller draw gives
-        assert np.array_equal(drawn[: k // 2 + 1], pixels.draw(n, k // 2 + 1, seed, sample_id))
-
-
-def test_draw_is_uniform():
-    counts = sum(np.bincount(pixels.draw(50, 10, 0, str(i)), minlength=50) for i in range(2000))
-    assert scipy.stats.chisquare(counts).pvalue > 1e-3
-
-
-@given(st.integers(0, 2**32))
-def test_inverse_fit_equals_scipy(seed):
-    rng = np.random.default_rng(seed)
-    y, depth = rng.normal(5, 2, 60), rng.uniform(0.5, 80, 60)
-    slope, intercept, *_ = scipy.stats.linregress(y, 1 / depth)
-    assert fits.inverse_fit(y, depth) == pytest.approx((slope, intercept), rel=1e-9, abs=1e-12)
-
-
-def test_fits_that_are_left_open():
-    assert fits.inverse_fit(np.ones(5), np.arange(1, 6)) is None
-    assert fits.median_scale(np.array([-1.0, 0.0]), np.ones(2)) is None
-    assert fits.median_scale(np.array([-1.0, 2.0, 4.0]), np.array([9, 1.0, 3.0])) == 2 / 0.375
 
 
 def test_at_size_is_bicubic_inside_the_box_and_nan_outside():

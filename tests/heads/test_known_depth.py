@@ -29,8 +29,8 @@ def test_refine_minimises_its_cost(count, correlation):
         (0.03, 0.2),
         (0.03, 0.2, y, metres, prior, 0.1),
         bounds=[(0, None)] * 2,
-        method="Powell",
-        options={"xtol": 1e-10, "ftol": 1e-14, "maxiter": 10000},
+        method="L-BFGS-B",
+        options={"ftol": 1e-15, "gtol": 1e-10},
     )
     at = cost(found, 0.03, 0.2, y, metres, prior, 0.1)
     assert at <= best.fun * (1 + 1e-6) + 1e-12
@@ -113,3 +113,22 @@ def test_points_are_pixels_of_the_photo_that_the_map_is_of():
     y = np.arange(6, dtype=np.float32).reshape(2, 3)
     at, metres = known_depth.points(y, ["299,150,2"], size=(300, 200))
     assert (at.tolist(), metres.tolist()) == ([5.0], [2.0])
+
+
+def test_known_points_reach_the_first_and_the_last_pixel_and_no_further():
+    y = np.arange(1, 7, dtype=np.float32).reshape(2, 3)
+    at, metres = known_depth.points(y, ["0,0,1", "2,1,2.5", "2.9,0,3"])
+    assert (at.tolist(), metres.tolist()) == ([1.0, 6.0, 3.0], [1.0, 2.5, 3.0])
+    for outside in ("3,0,1", "0,2,1", "-0.1,0,1", "0,-1,1"):
+        with pytest.raises(UsageError, match="expected a pixel of the relative depth, 3 x 2"):
+            known_depth.points(y, [outside])
+    with pytest.raises(UsageError, match="expected a pixel of the photo, 300 x 200"):
+        known_depth.points(y, ["300,0,1"], size=(300, 200))
+
+
+def test_one_point_gives_the_scale_alone():
+    found = known_depth.fit(np.array([4.0]), np.array([2.5]))
+    assert (found.scale, found.shift) == (pytest.approx(0.1), 0.0)
+    assert (found.used.tolist(), found.residuals.tolist()) == ([True], [0.0])
+    with pytest.raises(RsaDataError, match="one point alone needs one above 0"):
+        known_depth.fit(np.array([0.0]), np.array([2.5]))
