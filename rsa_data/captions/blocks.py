@@ -24,8 +24,8 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table], Columns]:
     size = CAPTIONS_A_BLOCK // variants
 
     def write(segments: pa.Table, samples: pa.Table) -> Columns:
-        segments, samples = _ok(segments, samples)
-        label, names = _labels(segments)
+        segments, samples = good_rows(segments, samples)
+        label, names = classes_of(segments)
         ends = np.cumsum(pc.list_value_length(segments["label"]).to_numpy())
         begins = np.append(0, ends)
         found = []
@@ -55,7 +55,7 @@ def composer(recipe: Recipe) -> Callable[[pa.Table, pa.Table], Columns]:
     return write
 
 
-def _ok(segments: pa.Table, samples: pa.Table) -> tuple[pa.Table, pa.Table]:
+def good_rows(segments: pa.Table, samples: pa.Table) -> tuple[pa.Table, pa.Table]:
     """The rows that are ok, in the order of samples, each column in one piece."""
     if not segments["sample_id"].equals(samples["sample_id"]):
         place = pc.index_in(samples["sample_id"], segments["sample_id"].combine_chunks())
@@ -65,7 +65,7 @@ def _ok(segments: pa.Table, samples: pa.Table) -> tuple[pa.Table, pa.Table]:
     return segments.filter(good).combine_chunks(), samples.filter(good).combine_chunks()
 
 
-def _labels(segments: pa.Table) -> tuple[np.ndarray, list[str]]:
+def classes_of(segments: pa.Table) -> tuple[np.ndarray, list[str]]:
     """A number for each segment's class, and the names of the classes by number.
 
     Labels that are written alike (wall-brick, wall-tile) are one class.

@@ -47,22 +47,14 @@ def compose(
 
     samples : of the same images. label : int32 of shape (segments,), indices into `names`.
     """
-    wording, contents, variants = recipe.wording, recipe.contents, recipe.augmentation.variants
-    found = from_segments(segments, samples, label, contents.objects, contents.group)
-    ids = segments["sample_id"].to_pylist()
-    keys = chance.caption_keys(recipe.augmentation.seed, ids, variants)
-    plain: np.ndarray = np.zeros(keys.shape, bool)  # (variants, images)
-    plain[0] = True
+    wording, contents = recipe.wording, recipe.contents
+    variants = recipe.augmentation.variants
+    found, keys, plain, names = altered(
+        segments, samples, label, names, recipe.augmentation, contents, recipe.wrong
+    )
     opening, of_image = _openings(wording, samples)
-    if recipe.wrong.replace or recipe.wrong.insert:
-        numbers = {name: number for number, name in enumerate(names)}
-        classes = augment.CLASSES[recipe.wrong.domain]
-        wrong = np.array([numbers.setdefault(name, len(numbers)) for name in classes])
-        names = list(numbers)
-        how_many = recipe.wrong.replace, recipe.wrong.insert
-        found = augment.with_wrong_objects(found, keys, plain, wrong, *how_many)
+    if len(keys) != variants:  # each caption has become an image of its own
         of_image = np.repeat(of_image, variants)
-        keys, plain = keys.T.reshape(1, -1), plain.T.reshape(1, -1)  # (1, captions)
     words = [word(name) for name in names]
     phrase = wording.phrase(found, words, contents.digits)
     tokens = partial(_tokens, recipe.tokenizer)
@@ -73,7 +65,7 @@ def compose(
         cost += counts[0] if column.codes is None else counts[column.codes]
     around = recipe.tokenizer.specials + tokens(opening)[of_image] + closing - between
     before = Column(opening, of_image[found.image])
-    delete = _delete(found, recipe)
+    delete = deletion(found, recipe.augmentation)
 
     def attempt(budget: np.ndarray) -> tuple[Chosen, pa.Array]:
         chosen = choose(found.first, cost, around, budget, keys, plain, delete, int(last - between))
@@ -138,11 +130,42 @@ def _openings(wording: Wording, samples: pa.Table) -> tuple[tuple[str, ...], np.
     return tuple(distinct), np.array(codes, np.int64)
 
 
-def _delete(found: Objects, recipe: Recipe) -> np.ndarray:
-    if recipe.augmentation.delete_by_area is None:
-        return np.full(len(found.label), recipe.augmentation.delete)
+def altered(
+    segments: pa.Table,
+    samples: pa.Table,
+    label: np.ndarray,
+    names: list[str],
+    augmentation: Augmentation,
+    contents: Contents,
+    wrong: WrongObjects,
+) -> tuple[Objects, np.ndarray, np.ndarray, list[str]]:
+    """The objects of a block of images before any is deleted, wrong ones among them.
+
+    Returns the objects; the keys of their captions, uint64, and which captions are plain, bool,
+    both of shape (variants, images); and the names of the classes. Where wrong objects are asked
+    for, each caption is an image of its own, and both have the shape (1, captions).
+    """
+    found = from_segments(segments, samples, label, contents.objects, contents.group)
+    ids = segments["sample_id"].to_pylist()
+    keys = chance.caption_keys(augmentation.seed, ids, augmentation.variants)
+    plain: np.ndarray = np.zeros(keys.shape, bool)  # (variants, images)
+    plain[0] = True
+    if not wrong.replace and not wrong.insert:
+        return found, keys, plain, names
+    numbers = {name: number for number, name in enumerate(names)}
+    classes = augment.CLASSES[wrong.domain]
+    others = np.array([numbers.setdefault(name, len(numbers)) for name in classes])
+    found = augment.with_wrong_objects(found, keys, plain, others, wrong.replace, wrong.insert)
+    keys, plain = keys.T.reshape(1, -1), plain.T.reshape(1, -1)  # (1, captions)
+    return found, keys, plain, list(numbers)
+
+
+def deletion(found: Objects, augmentation: Augmentation) -> np.ndarray:
+    """The probability that each object is deleted from an augmented caption, float64 (objects,)."""
+    if augmentation.delete_by_area is None:
+        return np.full(len(found.label), augmentation.delete)
     # 1 - sigmoid(lambda * area): RSA's utils.py, get_text.
-    return 1 / (1 + np.exp(recipe.augmentation.delete_by_area * found.area))
+    return 1 / (1 + np.exp(augmentation.delete_by_area * found.area))
 
 
 def _empty(chosen: Chosen) -> np.ndarray:

@@ -18,6 +18,7 @@ from .methods import by_constant, oracle_methods
 from .metrics import metrics
 from .options import Measuring
 from .protocols import Rules
+from .regions import region_methods
 from .rows import measure
 from .setting import parts_of, rules_of, with_split
 from .spread import calibration, inflation, rank_correlation, spread
@@ -113,6 +114,7 @@ def compare(
             **methods_of(entries, d, parts),
             **{label: by_constant(*pair) for label, pair in constants[d].items()},
             **oracle_methods(ranges[d].max_depth),
+            **region_methods(work, text.sources[d], parts[0]),
         }
         found.append(measure(parts, methods, ranges[d], bar))
     table = pa.concat_tables(found)

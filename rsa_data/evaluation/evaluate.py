@@ -20,6 +20,7 @@ from .inputs import TestPart
 from .methods import Method, by_constant, head_method, label_of, oracle_methods
 from .options import Measuring
 from .paper import paper_rows
+from .regions import region_methods
 from .rows import measure
 from .setting import parts_of, rules_of, split_of, tables_of, with_split
 from .sizes import by_object_sizes, has_sizes
@@ -104,12 +105,13 @@ def evaluate(
         }
         parts = parts_of(work, name, depths[name], split)
         captions = tables[head][name].captions
-        if segments := has_sizes(work, name, captions, parts[0]):
+        if segments := has_sizes(work, tables[head][name], parts[0]):
             methods["object sizes"] = by_object_sizes(segments)
         methods |= {
             **external_methods(external, name),
             **{label: by_constant(*pair) for label, pair in constants[name].items()},
             **oracle_methods(ranges[name].max_depth),
+            **region_methods(work, tables[head][name], parts[0]),
         }
         found.append(measure(parts, methods, ranges[name], bar))
         if compare:

@@ -1,6 +1,6 @@
 """What an evaluation reads of one part: the images' valid pixels, and the features of methods."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 from ..common.errors import RowError, RsaDataError
 from ..heads.belong import Source
 from ..heads.inputs import kinds
+from ..heads.inputs.kinds import Block
 from ..heads.train.examples import side_by_side
 from ..store.tables import WorkDir
 from .protocols import Rules
@@ -58,13 +59,7 @@ class TestPart:
         source : the tables of the head's inputs. variant : of the captions. Rows of images that
         lack an input are 0.
         """
-        blocks = source.read(self.work, self.number, variant)
-        there = np.all([block.there for block in blocks], axis=0)
-        rows = np.flatnonzero(there)
-        found = side_by_side([block.rows(rows, np.zeros(len(rows))) for block in blocks])
-        features = np.zeros((len(there), found.shape[1]), np.float32)
-        features[rows] = found
-        return features, there
+        return rows_of(source.read(self.work, self.number, variant))
 
     def features(
         self, embeddings: str, captions: str | None, variant: int = 0
@@ -95,6 +90,20 @@ class TestPart:
                 yield sample, _image(number, sample, row, rules)
             except RowError as error:
                 yield sample, error
+
+
+def rows_of(blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
+    """What a head reads of n images, float32 (n, dim), and which have all of it, bool (n,).
+
+    blocks : the head's inputs, in its order; captions by their first variant. Rows of images that
+    lack an input are 0.
+    """
+    there = np.all([block.there for block in blocks], axis=0)
+    rows = np.flatnonzero(there)
+    found = side_by_side([block.rows(rows, np.zeros(len(rows))) for block in blocks])
+    features = np.zeros((len(there), found.shape[1]), np.float32)
+    features[rows] = found
+    return features, there
 
 
 def _image(number: int, sample: dict[str, Any], row: dict[str, Any], rules: Rules) -> Image:

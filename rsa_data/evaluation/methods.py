@@ -39,14 +39,16 @@ def by_head(
     source: "Source",
     variant: int = 0,
     see: Callable[..., np.ndarray] | None = None,
+    read: Callable[[TestPart], tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> Method:
     """The scale and shift that a head gives for what it reads of each image.
 
     see : (features, which images have one, part=number) -> the features that a control head sees.
+    read : what it reads of a part in place of the source's tables, as `TestPart.seen` gives it.
     """
 
     def method(part: TestPart) -> Callable[[Image], Prediction]:
-        features, there = part.seen(source, variant)
+        features, there = part.seen(source, variant) if read is None else read(part)
         if see is not None:
             features = see(features, there, part=part.number)
         scales, shifts = np.zeros(len(there)), np.zeros(len(there))

@@ -6,20 +6,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pyarrow as pa
 
-from ..common.errors import RowError, RsaDataError, UsageError
-from ..common.options import accepts_old_names, call
+from ..common.errors import UsageError
+from ..common.options import accepts_old_names
+from ..heads import belong
 from ..heads.belong import Source, Tables
-from ..heads.inputs.kinds import Feed, find
-from ..store import schemas
+from ..heads.inputs.kinds import Feed
+from ..heads.inputs.objects import Objects
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir
-from . import output
+from . import output, redescribed
 from .evaluate import Evaluation
-from .inputs import Image, TestPart
-from .methods import Method, Prediction, by_head, scaled
+from .methods import Method, by_head
 from .options import Measuring
 from .rows import measure
 from .setting import parts_of, rules_of, tables_of, with_split
@@ -47,6 +46,13 @@ CHANGES: dict[str, tuple[dict[str, Any], int]] = {
     "background only": ({"objects": "background"}, 0),
     "nothing found": ({}, 0),
 }
+# What a head that reads objects is told less of: a bare list of names, as people write one, counts
+# nothing and says neither how large an object looks nor where it is.
+OBJECT_CHANGES: dict[str, Callable[[Objects], Objects]] = {
+    "places hidden": lambda objects: objects.hidden(places=True),
+    "shares and places hidden": lambda objects: objects.hidden(shares=True, places=True),
+    "list of names": lambda objects: objects.once().hidden(shares=True, places=True),
+}
 # Datasets that reach farther than this (the largest halls do not) are streets: what is wrong in
 # them comes from rooms.
 _INDOOR_METRES = 60.0
@@ -66,8 +72,10 @@ def robustness(
     """Measures a head on the same images with descriptions that are wrong or poor.
 
     Objects are deleted, swapped, replaced or added, only things or only background is described,
-    nothing is found; captions are written and encoded again, as the head's own were. Other captions
-    of the dataset that are embedded by the same encoder (such as natural ones) are measured too.
+    nothing is found; captions are written and encoded again, as the head's own were, and objects
+    listed again for heads that read them, which are measured on bare lists of names too. Other
+    captions of the dataset that are embedded by the same encoder (such as natural ones) are
+    measured too.
 
     Parameters
     ----------
@@ -77,15 +85,21 @@ def robustness(
     seed : of what is deleted, replaced and added.
 
     Writes metrics.parquet and the summary to WORK/heads/NAME/robustness/PROTOCOL. Raises as
-    `evaluate` does, and RsaDataError where captions do not come from segments.
+    `evaluate` does, and RsaDataError where descriptions do not come from segments.
     """
     from ..heads.checkpoint import ScaleHead
 
     protocol, split = measuring.protocol, measuring.split
     now = output.heads_now(work, (head,))
     loaded = ScaleHead.load(f"{work.store.location}/{head_folder(head)}")
+    reads = belong.kinds_of(loaded.about.features)
     if loaded.about.control != "none":
         raise UsageError(f"--head {head}: a control does not read the description")
+    if not {"text", "objects"} & set(reads):
+        raise UsageError(
+            f"--head {head}: expected a head that reads captions or objects; it reads "
+            f"{' and '.join(reads)}"
+        )
     names = with_split(work, datasets, split)
     found = []
     for name, source in tables_of(work, loaded.about, Tables(tuple(names))).items():
@@ -122,48 +136,38 @@ def robustness_methods(
 ) -> dict[str, Method]:
     """A method for each change to the descriptions of a dataset's test images.
 
-    The head's own captions and embeddings tables say how captions are written and encoded;
-    objects that replace others or are added come from the other domain: streets in rooms, rooms
-    in streets. Also each other captions table of the dataset that was embedded by the same
-    encoder, such as natural captions. Raises RsaDataError when the captions do not come from
-    segments.
+    Captions are written and encoded as the head's own tables say, objects listed from the same
+    segments; those that replace others or are added come from the other domain: streets in rooms,
+    rooms in streets. A head that reads both gets the same changes in both. Also each other captions
+    table of the dataset that was embedded by the same encoder, such as natural captions. Raises
+    RsaDataError when the descriptions do not come from segments.
     """
-    from ..captions import write
-    from ..embeddings import embed
-
-    captions = work.table(source.dataset, source.captions).description()
-    segments = next((n for n in captions.inputs if n.startswith("segments/")), None)
-    if segments is None:
-        raise RsaDataError(
-            f"{source.dataset}/{source.captions}: expected captions written from segments, whose "
-            "objects can be changed; these were imported"
-        )
-    encode = embed.build(
-        **work.table(source.dataset, source.inputs[0].table).description().options,
-        encoder_weights=weights,
-    )
+    inputs = redescribed.inputs(work, source, weights)
     own, wrong = ("indoor", "street") if max_depth <= _INDOOR_METRES else ("street", "indoor")
     methods = {}
     for name, (change, variant) in CHANGES.items():
-        options = {**captions.options, "domain": wrong, "seed": seed, **change}
+        options = {"domain": wrong, "seed": seed, **change}
         if options["domain"] == "own":
             options["domain"] = own
-        writer = call(write.build, **options | {"variants": variant + 1})
-        edit = _nothing if name == "nothing found" else _as_found
-        described = partial(_described, writer, edit, segments, variant)
-        methods[name] = _by_texts(head.outputs, described, encode)
-    return methods | other_captions(work, head, source)
+        read = partial(inputs.changed, options, variant, nothing=name == "nothing found")
+        methods[name] = by_head(head.outputs, source, read=read)
+    if inputs.list_objects:
+        for name, less in OBJECT_CHANGES.items():
+            read = partial(inputs.listed, less)
+            methods[name] = by_head(head.outputs, source, read=read)
+    return methods | (other_captions(work, head, source) if inputs.encode else {})
 
 
 def other_captions(work: WorkDir, head: "ScaleHead", source: Source) -> dict[str, Method]:
     """The head on the dataset's other captions that its encoder has embedded, by style."""
-    own = source.inputs[0]
+    own = _text(source)
     found = {}
     for name in work.tables(source.dataset):
         kind, _, style = name.partition("/")
         other = Feed("text", f"embeddings/{style}/{own.encoder}", name)
         if kind == "captions" and other != own and _has(work, source, other):
-            found[f"captions {style}"] = by_head(head.outputs, replace(source, inputs=(other,)))
+            feeds = tuple(other if feed == own else feed for feed in source.inputs)
+            found[f"captions {style}"] = by_head(head.outputs, replace(source, inputs=feeds))
     return found
 
 
@@ -174,60 +178,11 @@ def _has(work: WorkDir, source: Source, other: Feed) -> bool:
         return False
     there, own = (
         table.description(),
-        work.table(source.dataset, source.inputs[0].table).description(),
+        work.table(source.dataset, _text(source).table).description(),
     )
     same = ("options", "files", "stage_version")
     return all(getattr(there, key) == getattr(own, key) for key in same)
 
 
-def _as_found(segments: pa.Table) -> pa.Table:
-    return segments
-
-
-def _nothing(segments: pa.Table) -> pa.Table:
-    """The same images with no segment in them."""
-    columns: dict[str, Any] = {name: segments[name] for name in segments.column_names}
-    for name in columns:
-        if pa.types.is_list(segments.schema.field(name).type):
-            empty: list[list[Any]] = [[]] * len(segments)
-            columns[name] = pa.array(empty, segments.schema.field(name).type)
-    return pa.table(columns, schema=segments.schema)
-
-
-def _described(
-    writer: Callable[..., pa.Table],
-    edit: Callable[[pa.Table], pa.Table],
-    segments: str,
-    variant: int,
-    part: TestPart,
-) -> pa.Table:
-    """The captions of a part's images, one row an image that has segments."""
-    found = part.work.table(part.dataset, segments).read(part.number)
-    samples = part.work.table(part.dataset, "samples").read(part.number)
-    captions = writer(edit(found), samples)
-    return captions.filter(np.asarray(captions["variant"]) == variant)
-
-
-def _by_texts(
-    head: Callable[[np.ndarray], tuple[Any, Any]],
-    described: Callable[[TestPart], pa.Table],
-    encode: Callable[[pa.Table], pa.Table],
-) -> Method:
-    """The scale and shift that a head gives for captions written and encoded on the spot."""
-
-    def method(part: TestPart) -> Callable[[Image], Prediction]:
-        captions = described(part)
-        texts = encode(captions)
-        features = schemas.embedding_array(texts)[find(captions["text_id"], texts["text_id"])]
-        scales, shifts = head(features.astype(np.float32))
-        ids = {name: row for row, name in enumerate(captions["sample_id"].to_pylist())}
-
-        def predict(image: Image) -> Prediction:
-            row = ids.get(image.sample["sample_id"])
-            if row is None:
-                raise RowError("no caption")
-            return scaled(image, float(scales[row]), float(shifts[row]))
-
-        return predict
-
-    return method
+def _text(source: Source) -> Feed:
+    return next(feed for feed in source.inputs if feed.kind == "text")

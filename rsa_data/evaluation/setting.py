@@ -127,3 +127,13 @@ def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]
             f"Run `rsa-data depth --dataset {name} --split {split}`"
         )
     return [TestPart(work, name, n, depth) for n in numbers]
+
+
+def segments_of(work: WorkDir, source: Source) -> str | None:
+    """The segments table that a head's captions or objects were made from; None where imported."""
+    for feed in source.inputs:
+        table = work.table(source.dataset, feed.captions or feed.table)
+        for name in table.description().inputs:
+            if name.startswith("segments/"):
+                return name
+    return None

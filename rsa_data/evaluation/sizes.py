@@ -10,9 +10,11 @@ import numpy as np
 
 from ..common.class_names import clean
 from ..common.errors import RowError
+from ..heads.belong import Source
 from ..store.tables import WorkDir
 from .inputs import Image, TestPart
 from .methods import Method, Prediction, scaled
+from .setting import segments_of
 
 # A box this near the border (px) is cut off, and its height is not the object's.
 _BORDER = 2.0
@@ -96,13 +98,12 @@ def objects_of(
     return columns_[:, 0], columns_[:, 1], columns_[:, 2]
 
 
-def has_sizes(work: WorkDir, dataset: str, captions: str | None, part: TestPart) -> str | None:
+def has_sizes(work: WorkDir, source: Source, part: TestPart) -> str | None:
     """The segments table that the baseline can be made from: it has boxes, samples have fy."""
-    if not captions or all(sample["fy"] is None for sample in part.samples):
+    if all(sample["fy"] is None for sample in part.samples):
         return None
-    inputs = work.table(dataset, captions).description().inputs
-    segments = next((name for name in inputs if name.startswith("segments/")), None)
-    if segments is None or part.number not in work.table(dataset, segments).parts():
+    segments = segments_of(work, source)
+    if segments is None or part.number not in work.table(source.dataset, segments).parts():
         return None
-    boxes = work.table(dataset, segments).read(part.number, ["box"])["box"]
+    boxes = work.table(source.dataset, segments).read(part.number, ["box"])["box"]
     return segments if boxes.null_count < len(boxes) else None

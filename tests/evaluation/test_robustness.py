@@ -8,7 +8,7 @@ from made_tables import DEPTH
 from msgspec.structs import replace
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.evaluation.robustness import CHANGES
+from rsa_data.evaluation.robustness import CHANGES, OBJECT_CHANGES
 from rsa_data.runner import jobs, runs, stages
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir
@@ -65,7 +65,40 @@ def work(tmp_path_factory) -> WorkDir:
         receipt = replace(sample.made, inputs={"samples": sample.digest}, fingerprint="d")
         depth.commit(number, schemas.from_columns("depth", columns), receipt)
     train_head(work, split_scene=True, **FAST)
+    listing = stages.bind("embed-objects", {"encoder": "minilm"})
+    runs.run(jobs.job(work, listing, "rooms", upstream="segments/labels"), bar=rooms.NoBar)
+    for head in ("objects", "text-objects"):
+        train_head(work, name=head, head=head, split_scene=True, **FAST)
     return work
+
+
+def scales(found):
+    """Scale of each image in the order of samples, by change."""
+    assert set(found["status"]) == {"ok"}
+    return {name: rows["scale"].to_numpy() for name, rows in found.groupby("method", sort=False)}
+
+
+def test_a_head_that_reads_objects_gets_the_same_changes(work):
+    by_method = scales(robustness(work, head="objects").table.to_pandas())
+    assert list(by_method) == [*CHANGES, *OBJECT_CHANGES]
+    head = evaluate(work, head="objects").table.to_pandas()
+    plain = head[head["method"] == "head"]["scale"].to_numpy()
+    # The segments of this dataset are things without places.
+    for same in ("plain", "order swapped", "things only", "places hidden"):
+        np.testing.assert_allclose(by_method[same], plain, rtol=1e-5)
+    for none in ("nothing found", "background only"):
+        assert len(set(by_method[none])) == 1
+    # Of images with 0 to 4 objects, all but the empty ones change.
+    for change in ("described as the other domain", "3 wrong added", "list of names"):
+        assert (~np.isclose(by_method[change], plain, rtol=1e-6)).sum() >= 6
+
+    both = scales(robustness(work, head="text-objects").table.to_pandas())
+    own = evaluate(work, head="text-objects").table.to_pandas()
+    own = own[own["method"] == "head"]["scale"].to_numpy()
+    np.testing.assert_allclose(both["plain"], own, rtol=1e-5)
+    # Another order changes a sentence, the objects of the other domain change both inputs.
+    assert (both["order swapped"] != own).any()
+    assert (both["described as the other domain"] != both["order swapped"]).sum() >= 5
 
 
 @pytest.mark.slow

@@ -1,10 +1,11 @@
 """The input `objects`: what stands in an image, any number of things, none included."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from ...store.tables import WorkDir
@@ -79,6 +80,23 @@ class Objects:
     def distinct(self) -> np.ndarray:
         return self.names
 
+    def hidden(self, *, shares: bool = False, places: bool = False) -> Self:
+        """The same objects, as if their shares or their places were not known."""
+        numbers = self.numbers.copy()
+        if shares:
+            numbers[:, 0:3] = 0
+        if places:
+            numbers[:, 3:6] = 0
+        return replace(self, numbers=numbers)
+
+    def once(self) -> Self:
+        """The first object of each name in each image: a list that does not count."""
+        image = np.repeat(np.arange(len(self.there)), np.diff(self.first))
+        pairs = np.stack([image, self.name], 1)
+        kept = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
+        first = np.searchsorted(image[kept], np.arange(len(self.there) + 1))
+        return replace(self, name=self.name[kept], numbers=self.numbers[kept], first=first)
+
 
 def numbers(
     share: np.ndarray | None, center: np.ndarray | None, is_thing: np.ndarray
@@ -104,7 +122,11 @@ def numbers(
 def read(work: WorkDir, dataset: str, feed: Feed, number: int, variant: int | None) -> Objects:
     """The objects of each image of a part; variants of captions make no difference."""
     ids = work.table(dataset, "samples").read(number, ["sample_id"])["sample_id"]
-    table = work.table(dataset, feed.table).read(number)
+    return of_table(ids, work.table(dataset, feed.table).read(number))
+
+
+def of_table(ids: pa.ChunkedArray, table: pa.Table) -> Objects:
+    """The objects of images from a table of schemas/objects.toml, in the order of their ids."""
     new = table["new_name"].combine_chunks().flatten()
     features = b"".join(table["new_feature"].combine_chunks().flatten().to_pylist())
     names = np.frombuffer(features, "<f4").reshape(len(new), -1 if len(new) else 0)
