@@ -1,11 +1,15 @@
 """Every name that can be chosen leads somewhere."""
 
+import inspect
+import subprocess
+import sys
 from importlib import import_module
 
 import pytest
 
 from rsa_data import registry
 from rsa_data.cli import main
+from rsa_data.common import entries, source_docs
 from rsa_data.common.errors import UsageError
 from rsa_data.common.extras import extras
 from rsa_data.runner import stages
@@ -67,3 +71,28 @@ def test_import_is_light(module):
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ended.stdout == "[]\n"
     import_module(module)
+
+
+@pytest.mark.slow
+def test_what_list_reads_from_sources_is_what_the_objects_say():
+    tables = [value for value in vars(registry).values() if isinstance(value, entries.Entries)]
+    targets = sorted({target for table in tables for target in dict(table).values()})
+    read = {target: source_docs.doc(target) for target in targets}
+    assert sum(text is not None for text in read.values()) > 60
+    for target, text in read.items():
+        module, attribute = target.split(":")
+        if text is not None:
+            assert inspect.cleandoc(text) == inspect.cleandoc(
+                getattr(import_module(module), attribute).__doc__
+            ), target
+
+
+def test_list_imports_nothing_of_what_it_lists():
+    code = (
+        "import sys\n"
+        "from rsa_data.cli.main import cli\n"
+        "cli(['list'], standalone_mode=False)\n"
+        "print(sorted({'numpy', 'torch', 'pyarrow', 'onnxruntime'} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"

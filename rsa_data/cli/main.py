@@ -58,7 +58,7 @@ COMMANDS = {
     "report": ("rsa_data.cli.report:report", "Write one HTML file that shows a work dir."),
     "play": ("rsa_data.cli.play:play", "Try a head in the browser."),
     "export": ("rsa_data.cli.export:export", "Write captions and features as a dataset."),
-    "list": ("rsa_data.cli.look:list_names", "List the names that options take."),
+    "list": ("rsa_data.cli.names:list_names", "List the names that options take."),
     "models": (
         "rsa_data.cli.models:models",
         "Show, fetch and check models.",

@@ -83,7 +83,8 @@ def about(name: str) -> str | None:
     if card is None or card.about is None:
         return None
     tested = "" if card.tested else "; not yet run with its real weights"
-    return f"{card.about}; {card.licence}{tested}"
+    licence = "no licence stated" if card.licence in (None, "none stated") else card.licence
+    return f"{card.about}; {licence}{tested}"
 
 
 def card_path(name: str) -> Path:

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from . import forms
 from .errors import RsaDataError, unknown
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _FORM = {"first?": "a class number", "count?": "a class number"}
 _GLOSS = re.compile(r"\([^()]*\)")
@@ -141,11 +142,13 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
     return ClassTable(plain, countable, count)
 
 
-def things(labels: Sequence[str]) -> np.ndarray:
+def things(labels: Sequence[str]) -> "np.ndarray":
     """Which of some caption names are things, by the COCO panoptic classes; unknown ones are.
 
     Returns bool of shape (n,).
     """
+    import numpy as np
+
     stuff = _coco_stuff()
     return np.fromiter((label not in stuff for label in labels), bool, len(labels))
 

@@ -147,9 +147,14 @@ def not_allowed(kind: str, name: str) -> UsageError | None:
 
 
 @cache
+def _entry_points() -> metadata.EntryPoints:
+    return metadata.entry_points()  # reads a file of every installed package
+
+
+@cache
 def _installed(group: str) -> dict[str, Installed]:
     found: dict[str, Installed] = {}
-    for entry in metadata.entry_points(group=group):
+    for entry in _entry_points().select(group=group):
         package = entry.dist.name if entry.dist else "unknown"
         version = entry.dist.version if entry.dist else "unknown"
         found.setdefault(entry.name, Installed(entry.value, package, version))

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+_PACKAGE = Path(__file__).parents[1]
+
 
 def cache_folder(kind: str) -> Path:
     """Where files of a kind are kept between runs: below XDG_CACHE_HOME, else ~/.cache."""
@@ -41,3 +43,9 @@ def write(target: Path, data: bytes) -> None:
     """Puts the whole file there, replacing what was there; see `replacing`."""
     with replacing(target) as file:
         file.write(data)
+
+
+def shipped(folder: str) -> Path:
+    """`schemas`, `pipelines` or `data`: inside the wheel, or beside the package in a checkout."""
+    inside = _PACKAGE / folder
+    return inside if inside.is_dir() else _PACKAGE.parent / folder

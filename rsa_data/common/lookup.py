@@ -61,12 +61,15 @@ def described(table: dict[str, str]) -> list[tuple[str, str]]:
 
 
 def _first_line(name: str, table: dict[str, str]) -> str:
-    from . import cards
+    from . import cards, source_docs
 
     if told := cards.about(name):
         return told
-    try:
-        found = resolve("entry", table, name)
-    except RsaDataError as error:
-        return str(error)
-    return (found.__doc__ or "").strip().partition("\n")[0]
+    own = not isinstance(table, Entries) or table.is_own(name)
+    text = source_docs.doc(table[name]) if own else None
+    if text is None:
+        try:
+            text = resolve("entry", table, name).__doc__ or ""
+        except RsaDataError as error:
+            return str(error)
+    return text.strip().partition("\n")[0]

@@ -2,12 +2,12 @@
 
 import re
 
-from ..store import schemas
+from ..common.files import shipped
 
 
 def section(name: str) -> str:
     """What the page says of a dataset, as Markdown; empty for one of another package."""
-    text = (schemas.shipped("data") / "README.md").read_text("utf-8")
+    text = (shipped("data") / "README.md").read_text("utf-8")
     for title, body in re.findall(
         r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL
     ):

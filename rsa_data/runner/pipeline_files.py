@@ -18,7 +18,6 @@ name = "nyu"
 """
 
 import sys
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,9 +26,9 @@ from typing import Any
 from .. import registry
 from ..common import bounded, entries, options, typed
 from ..common.errors import RsaDataError, UsageError, unknown
+from ..common.files import shipped
 from ..datasets import index
 from ..datasets.roots import open_root
-from ..store import schemas
 from ..store.tables import WorkDir
 from . import chains, stages
 from .chains import RunOptions
@@ -78,10 +77,10 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
 
     Raises UsageError, with file, place and nearest name, before anything is loaded or written.
     """
-    shipped = schemas.shipped("pipelines") / f"{path}.toml"
-    file = path if path.exists() else shipped
+    known = shipped("pipelines") / f"{path}.toml"
+    file = path if path.exists() else known
     if not file.exists():
-        raise unknown("pipeline file", str(path), [p.stem for p in shipped.parent.glob("*.toml")])
+        raise unknown("pipeline file", str(path), [p.stem for p in known.parent.glob("*.toml")])
     try:
         raw = bounded.read_toml(file)
     except (OSError, ValueError) as error:
@@ -236,12 +235,3 @@ def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
 def _makes_for(configured: ConfiguredStage, later: ConfiguredStage) -> bool:
     reads = later.stage.reads
     return reads is not None and reads.made_first and reads.kind == configured.stage.kind
-
-
-def described() -> list[tuple[str, str]]:
-    """(name, first sentence of doc) of every pipeline file that is shipped."""
-    files = sorted(schemas.shipped("pipelines").glob("*.toml"))
-    docs = [tomllib.loads(file.read_text("utf-8")).get("doc", "") for file in files]
-    return [
-        (f.stem, " ".join(d.split()).partition(". ")[0]) for f, d in zip(files, docs, strict=True)
-    ]

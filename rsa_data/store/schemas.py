@@ -5,7 +5,6 @@ import re
 import tomllib
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..common.errors import RsaDataError
-
-_PACKAGE = Path(__file__).parents[1]
-
-
-def shipped(folder: str) -> Path:
-    """`schemas` or `pipelines`: inside the wheel, or beside the package in a checkout."""
-    inside = _PACKAGE / folder
-    return inside if inside.is_dir() else _PACKAGE.parent / folder
+from ..common.files import shipped
 
 
 @cache

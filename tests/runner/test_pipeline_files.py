@@ -3,10 +3,10 @@
 import pytest
 
 from rsa_data.common.errors import UsageError
+from rsa_data.common.files import shipped
 from rsa_data.runner import pipeline_files
-from rsa_data.store import schemas
 
-SHIPPED = sorted(path.stem for path in schemas.shipped("pipelines").glob("*.toml"))
+SHIPPED = sorted(path.stem for path in shipped("pipelines").glob("*.toml"))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
