@@ -147,7 +147,7 @@ def not_allowed(kind: str, name: str) -> UsageError | None:
 
 
 @cache
-def _entry_points() -> metadata.EntryPoints:
+def _entry_points() -> Any:
     return metadata.entry_points()  # reads a file of every installed package
 
 

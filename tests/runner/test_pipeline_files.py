@@ -4,7 +4,7 @@ import pytest
 
 from rsa_data.common.errors import UsageError
 from rsa_data.common.files import shipped
-from rsa_data.runner import pipeline_files
+from rsa_data.runner import pipeline_docs, pipeline_files
 
 SHIPPED = sorted(path.stem for path in shipped("pipelines").glob("*.toml"))
 
@@ -13,7 +13,7 @@ SHIPPED = sorted(path.stem for path in shipped("pipelines").glob("*.toml"))
 def test_shipped_jobs_load_and_say_what_they_are_for(name):
     pipeline = pipeline_files.load(pipeline_files.Path(name))
     assert pipeline.doc and pipeline.datasets
-    assert (name, dict(pipeline_files.described())[name]) in pipeline_files.described()
+    assert (name, dict(pipeline_docs.described())[name]) in pipeline_docs.described()
 
 
 def written(tmp_path, text):
