@@ -143,7 +143,8 @@ def _watched(
 
 
 def _log_result(log: RunLog, result: Result, rows: int) -> None:
-    what = {"part": result.number, "seconds": round(result.seconds, 3), "worker": result.worker}
+    what: dict[str, Any] = {"part": result.number, "worker": result.worker}
+    what |= {n: round(getattr(result, n), 3) for n in ("seconds", "cpu_seconds")}
     if result.receipt is None:
         log.write("undone", **what, error=str(result.error), trace=result.trace)
     else:

@@ -46,13 +46,15 @@ class Task:
 class Result:
     """What became of a part: its receipt, or the error that left it undone.
 
-    seconds : that its worker took. worker : host and process. trace : of an unexpected error.
+    seconds : that its worker took. cpu_seconds : that its worker computed, on all its threads.
+    worker : host and process. trace : of an unexpected error.
     """
 
     number: int
     receipt: Receipt | None
     error: Exception | None = None
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     worker: str = ""
     trace: str = ""
 
@@ -88,7 +90,7 @@ class WorkerPool(Protocol):
 
 def attempt(job: Job, step: Step, description: Description, task: Task) -> Result:
     """One part, in the process of a worker: commits it, or says why it stays undone."""
-    begun = time.monotonic()
+    begun, computed = time.monotonic(), time.process_time()
     receipt = None
     error: Exception | None = None
     trace = ""
@@ -103,9 +105,14 @@ def attempt(job: Job, step: Step, description: Description, task: Task) -> Resul
     except Exception as unexpected:
         error = RuntimeError(f"{type(unexpected).__name__}: {unexpected}")
         trace = traceback.format_exc()
-    seconds = time.monotonic() - begun
     return Result(
-        task.number, receipt, error, seconds, f"{socket.gethostname()}:{os.getpid()}", trace
+        task.number,
+        receipt,
+        error,
+        seconds=time.monotonic() - begun,
+        cpu_seconds=time.process_time() - computed,
+        worker=f"{socket.gethostname()}:{os.getpid()}",
+        trace=trace,
     )
 
 
