@@ -47,6 +47,7 @@ def validation(fit: np.ndarray) -> Examples:
         relative=pixels,
         metric=pixels,
         fit=fit.astype(np.float32),
+        share=np.ones(len(fit), np.float32),
         dataset=np.zeros(n, np.int64),
         row=np.arange(n),
     )

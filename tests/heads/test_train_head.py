@@ -284,11 +284,13 @@ def test_a_head_trains_on_image_features_alone(work):
 
 
 def test_a_loss_by_its_logarithm_is_that_of_the_datasets_named():
-    from rsa_data.heads.train.optimization import sum_with_logs
+    from rsa_data.heads.train.losses import over_each, over_images
 
     loss, dataset = torch.tensor([2.0, 4.0, 5.0]), torch.tensor([0, 0, 1])
-    total = sum_with_logs(loss, dataset, np.array([True, False]))
-    assert float(total) == pytest.approx(np.log(3) + 5)
+    log = np.array([True, False])
+    assert float(over_images(loss, dataset, log)) == pytest.approx(np.log(3) + 5)
+    assert float(over_images(loss, dataset, ~log & log)) == pytest.approx(11 / 3)
+    assert float(over_each(loss, dataset, log)) == pytest.approx(np.log(6) + 5)
 
 
 def test_the_options_of_the_released_code_train(work):

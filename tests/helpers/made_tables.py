@@ -32,12 +32,15 @@ def write(
     depth: dict = DEPTH,
     failed: tuple[int, ...] = (),
     size: tuple[int, int] | None = None,
+    n_valid: list[int] | None = None,
+    covers: tuple[int, int] | None = None,
 ) -> None:
     """Writes samples, captions/occupancy, embeddings/occupancy/minilm and depth/files.
 
     scenes, texts : of each image, its variants. features : of each text. relative, metric : (n, k).
     builder : dataset whose depth range holds, by default `dataset`. failed : rows without depth.
     size : height and width, when the k values are whole maps, as test splits have them.
+    n_valid, covers : of each image, and height and width of all, where the k values are pixels.
     """
     names = ("samples", "captions/occupancy", "embeddings/occupancy/minilm", "depth/files")
     made = {name: work.table(dataset, name) for name in names}
@@ -71,6 +74,8 @@ def write(
             else blank
             | {"sample_id": i, "status": "ok", "kind": "pixels", "n_valid": 9999, "repeated": False}
             | (dict(zip(("height", "width"), size, strict=True), kind="map") if size else {})
+            | ({"n_valid": n_valid[row]} if n_valid else {})
+            | (dict(zip(("height", "width"), covers, strict=True)) if covers else {})
             | {
                 "relative": relative[row].astype("<f2").tobytes(),
                 "metric": metric[row].astype("<f2").tobytes(),

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ...common.errors import RsaDataError
+from ...datasets.kitti import CROP
 from ...store.tables import WorkDir
 from ..belong import Source
 from ..inputs.kinds import Block, find
@@ -21,6 +22,7 @@ class Examples:
     relative : float16 (n, k), y at k valid pixels.
     metric : float16 (n, k), m, ground-truth depth at the same pixels.
     fit : float32 (n, 2), the image's own scale and shift by least squares; nan when it has none.
+    share : float32 (n,), valid pixels among those that y covers; nan where the table does not say.
     dataset : int64 (n,), number of the dataset in the run.
     row : int64 (n,), row of the image in its part of samples.
     """
@@ -29,6 +31,7 @@ class Examples:
     relative: np.ndarray
     metric: np.ndarray
     fit: np.ndarray
+    share: np.ndarray
     dataset: np.ndarray
     row: np.ndarray
 
@@ -38,6 +41,7 @@ class Examples:
     @property
     def nbytes(self) -> int:
         """Memory that the arrays take, in bytes."""
+        # Not the 4 bytes of share, which came later: windows are cut as they were before.
         arrays = (self.relative, self.metric, self.fit, self.dataset, self.row)
         return sum(b.nbytes for b in self.inputs) + sum(a.nbytes for a in arrays)
 
@@ -58,7 +62,8 @@ def read_part(work: WorkDir, source: Source, number: int, dataset: int) -> Examp
     Raises RsaDataError when the tables of the part do not belong together.
     """
     samples = work.table(source.dataset, "samples").read(number, ["sample_id"])
-    depth = work.table(source.dataset, source.depth).read(number)
+    table = work.table(source.dataset, source.depth)
+    depth = table.read(number)
     depth = depth.filter(pc.equal(depth["status"], "ok"))
     if set(pc.unique(depth["kind"]).to_pylist()) - {"pixels"}:
         raise RsaDataError(
@@ -74,6 +79,7 @@ def read_part(work: WorkDir, source: Source, number: int, dataset: int) -> Examp
         relative=_pixels(depth["relative"])[measured[good]],
         metric=_pixels(depth["metric"])[measured[good]],
         fit=fits[measured[good]],
+        share=_share(depth, table.description().options.get("crop"))[measured[good]],
         dataset=np.full(len(good), dataset),
         row=good,
     )
@@ -90,6 +96,7 @@ def select(examples: Examples, keep: np.ndarray, variants: int | None = None) ->
         relative=examples.relative[keep],
         metric=examples.metric[keep],
         fit=examples.fit[keep],
+        share=examples.share[keep],
         dataset=examples.dataset[keep],
         row=examples.row[keep],
     )
@@ -104,6 +111,7 @@ def join(several: Sequence[Examples], pixels: int | None = None) -> Examples:
         relative=np.concatenate([e.relative[:, :pixels] for e in several]),
         metric=np.concatenate([e.metric[:, :pixels] for e in several]),
         fit=np.concatenate([e.fit for e in several]),
+        share=np.concatenate([e.share for e in several]),
         dataset=np.concatenate([e.dataset for e in several]),
         row=np.concatenate([e.row for e in several]),
     )
@@ -120,7 +128,16 @@ def _pixels(column: pa.ChunkedArray) -> np.ndarray:
     return found.reshape(len(array), -1)
 
 
+def _share(depth: pa.Table, crop: str | None) -> np.ndarray:
+    """Valid pixels of each image of a depth table among those of the map that y covers."""
+    if crop == "kb":
+        covered = np.full(len(depth), float(CROP[0] * CROP[1]))
+    else:
+        covered = _floats(depth["width"]) * _floats(depth["height"])
+    return np.asarray(_floats(depth["n_valid"]) / covered, np.float32)
+
+
 def _floats(column: pa.ChunkedArray) -> np.ndarray:
     """float32, nan for null."""
-    found: np.ndarray = pc.fill_null(column, np.nan).to_numpy().astype(np.float32)
+    found: np.ndarray = pc.fill_null(column.cast(pa.float32()), np.nan).to_numpy()
     return found

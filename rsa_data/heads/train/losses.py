@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
 
@@ -34,6 +35,11 @@ def depth(inverse: torch.Tensor, far: torch.Tensor) -> torch.Tensor:
     return 1 / near + (near - inverse) * far.square()
 
 
+def raw(inverse: torch.Tensor) -> torch.Tensor:
+    """1 / inverse as the released code has it, whatever becomes of it near 0: (b, k), m."""
+    return 1 / (inverse + 1e-8)
+
+
 def _l1(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     """Mean absolute error, m."""
     return (predicted - true).abs().mean(1)
@@ -63,6 +69,36 @@ L1 = Loss(_l1, in_metres=True)
 HUBER = Loss(_huber, in_metres=True)
 LOG_L1 = Loss(_log_l1)
 SILOG = Loss(_silog)
+
+
+def over_images(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
+    """The loss of a mixed batch: mean over its images, or over those of each dataset where one of
+    them enters as its logarithm.
+
+    loss, dataset : of each image, (b,). log : bool for each dataset.
+    """
+    return loss.mean() if not log.any() else _added(loss, dataset, log, torch.mean)
+
+
+def over_each(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
+    """The loss of a batch of every dataset: sums over their images, added, as in the release.
+
+    The release divides a loss by its own detached value, which has the gradient of its logarithm.
+    """
+    return _added(loss, dataset, log, torch.sum)
+
+
+def _added(
+    loss: torch.Tensor,
+    dataset: torch.Tensor,
+    log: np.ndarray,
+    reduce: Callable[[torch.Tensor], torch.Tensor],
+) -> torch.Tensor:
+    total = torch.zeros(())
+    for d in torch.unique(dataset).tolist():
+        own = reduce(loss[dataset == d])
+        total = total + (own.log() if log[d] else own)
+    return total
 
 
 def to_fit(scale: torch.Tensor, shift: torch.Tensor, fit: torch.Tensor) -> torch.Tensor:

@@ -10,8 +10,9 @@ from torch import nn
 
 from ...common.errors import RsaDataError
 from ..architectures.layers import Head
+from .batches import Batch, batches
 from .examples import Examples
-from .losses import Loss, depth, to_fit
+from .losses import Loss, depth, over_each, over_images, raw, to_fit
 from .plan import Goal, Training
 from .state import State
 
@@ -20,7 +21,7 @@ from .state import State
 class Settings:
     """What the optimisation needs beside the options.
 
-    loss : of depth. batch : images in a step.
+    loss : of depth. batch : images in a step. epoch : images that an epoch shows.
     log : bool for each dataset: its loss in a batch enters as its logarithm.
     weight, unit, min_depth, max_depth : a number for each dataset: what multiplies the loss of its
         images; what its metric errors are divided by, m; the range of its depth, m.
@@ -30,6 +31,7 @@ class Settings:
     training: Training
     loss: Loss
     batch: int
+    epoch: int
     log: np.ndarray
     weight: np.ndarray
     unit: np.ndarray
@@ -107,14 +109,23 @@ def fit(
             generator = torch.Generator().manual_seed(seed)
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(seed)  # what a head itself draws in training
-                for batch in _batches(window, data, network, settings, generator):
+                drawn = batches(
+                    window,
+                    data,
+                    network,
+                    size=settings.batch,
+                    pixels=how.pixels,
+                    how=how.batches,
+                    generator=generator,
+                )
+                for batch in drawn:
                     # Progress counts images, so that it does not depend on how windows are cut.
-                    lr = how.learning_rate(epoch + seen / data.total)
+                    lr = how.learning_rate(epoch + seen / settings.epoch)
                     optimizer.param_groups[0]["lr"] = lr
-                    loss += _step(network, row, optimizer, batch, settings) * len(batch[0])
-                    seen += len(batch[0])
+                    loss += _step(network, row, optimizer, batch, settings) * len(batch)
+                    seen += len(batch)
                     state.steps += 1
-                    tick(len(batch[0]))
+                    tick(len(batch))
         network.eval()
         if not np.isfinite(loss):
             raise RsaDataError(
@@ -140,74 +151,48 @@ def _mix(*numbers: int) -> int:
     return int(np.random.SeedSequence(numbers).generate_state(1, np.uint64)[0] >> 1)
 
 
-def _batches(
-    window: Examples, data: Data, network: Head, settings: Settings, generator: torch.Generator
-) -> Iterable[tuple[torch.Tensor, ...]]:
-    """Batches of one epoch over one window: features, y and metric depth, fit, dataset.
-
-    Every image comes once, with a caption variant and a run of its pixels drawn for this epoch.
-    """
-    pixels = settings.training.pixels
-    relative, metric = torch.from_numpy(window.relative), torch.from_numpy(window.metric)
-    fits, dataset = torch.from_numpy(window.fit), torch.from_numpy(window.dataset)
-    order = torch.randperm(len(window), generator=generator)
-    drawn = torch.rand(len(window), generator=generator, dtype=torch.float64).numpy()
-    for begin in range(0, len(window), settings.batch):
-        images = order[begin : begin + settings.batch]
-        # Pixels are stored in random order, so any run of them is a random sample.
-        runs = max(1, relative.shape[1] // pixels)
-        start = pixels * int(torch.randint(runs, (1,), generator=generator))
-        taken = slice(start, start + pixels)
-        x = torch.from_numpy(window.rows(images.numpy(), drawn[images.numpy()]))
-        yield (
-            network.centred(x.float(), data.mean, data.factor),
-            relative[images, taken].float(),
-            metric[images, taken].float(),
-            fits[images],
-            dataset[images],
-        )
-
-
 def _step(
     network: Head,
     row: torch.Tensor,
     optimizer: torch.optim.Optimizer,
-    batch: tuple[torch.Tensor, ...],
+    batch: Batch,
     settings: Settings,
 ) -> float:
     """One step of the optimiser; returns the loss."""
-    x, y, true, fits, dataset = batch
-    how, goal = settings.training, settings.goal
+    how = settings.training
     with torch.autocast("cpu", torch.bfloat16, enabled=how.precision == "bfloat16"):
-        scale, shift = network(x)  # (b,), (b,)
-    loss = torch.zeros(len(x))
-    if goal.supervision != "fit":
-        far = torch.from_numpy(settings.max_depth)[dataset, None].float()
-        predicted = depth(scale[:, None] * y + shift[:, None], far)  # (b, k)
-        unit = torch.from_numpy(settings.unit)[dataset].float() if settings.loss.in_metres else 1.0
-        loss = loss + settings.loss.of(predicted, true) / unit  # (b,)
-    if goal.supervision != "depth":
-        loss = loss + to_fit(scale, shift, fits)
-    loss = loss * torch.from_numpy(settings.weight)[dataset].float()
-    mean = loss.mean() if not settings.log.any() else sum_with_logs(loss, dataset, settings.log)
+        scale, shift = network(batch.x)  # (b,), (b,)
+    loss = _of_images(scale, shift, batch, settings)  # (b,)
+    over = over_each if how.batches == "each" else over_images
+    whole = over(loss, batch.dataset, settings.log)
     gradient = row.grad
     assert gradient is not None
     gradient.zero_()
-    torch.autograd.backward(mean)
+    torch.autograd.backward(whole)
     norm = gradient.norm()
     if how.clip and norm > how.clip:
         gradient.mul_(how.clip / norm)
     optimizer.step()
-    return float(mean.detach())
+    return float(whole.detach())
 
 
-def sum_with_logs(loss: torch.Tensor, dataset: torch.Tensor, log: np.ndarray) -> torch.Tensor:
-    """Sum over the datasets of a batch of their mean loss, or of its logarithm."""
-    total = torch.zeros(())
-    for d in torch.unique(dataset).tolist():
-        mean = loss[dataset == d].mean()
-        total = total + (mean.log() if log[d] else mean)
-    return total
+def _of_images(
+    scale: torch.Tensor, shift: torch.Tensor, batch: Batch, settings: Settings
+) -> torch.Tensor:
+    """The weighted loss of each image of a batch, (b,)."""
+    goal, dataset = settings.goal, batch.dataset
+    loss = torch.zeros(len(batch))
+    if goal.supervision != "fit":
+        inverse = scale[:, None] * batch.y + shift[:, None]  # (b, k)
+        far = torch.from_numpy(settings.max_depth)[dataset, None].float()
+        predicted = raw(inverse) if goal.beyond == "raw" else depth(inverse, far)
+        unit = torch.from_numpy(settings.unit)[dataset].float() if settings.loss.in_metres else 1.0
+        loss = loss + settings.loss.of(predicted, batch.true) / unit
+    if goal.supervision != "depth":
+        loss = loss + to_fit(scale, shift, batch.fit)
+    if goal.balance == "pixels":
+        loss = loss * batch.share
+    return loss * torch.from_numpy(settings.weight)[dataset].float()
 
 
 @torch.no_grad()

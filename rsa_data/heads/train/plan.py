@@ -10,8 +10,13 @@ import msgspec
 from ..belong import Source, Tables
 from ..description import DepthModel, Features
 
+Batches = Literal["mixed", "each"]
+
 # Options that never change what comes out.
 _LOCAL = ("memory", "checkpoint_every")
+# Options that came later are told only where they are not these, so that a training that was
+# begun before them is still the same one.
+_LATER = {"beyond": "tangent", "batches": "mixed"}
 
 
 @dataclass(frozen=True)
@@ -42,16 +47,20 @@ class Goal:
         only what is positive counts, as a head's scale and shift are.
     units : relative divides a loss in metres by the dataset's mean depth, so that streets do not
         outweigh rooms; metres leaves it as it is.
-    balance : datasets lets each dataset weigh the same, images each image.
+    balance : datasets lets each dataset weigh the same, images each image, pixels each image by the
+        share of its pixels that are valid, as the released code does.
     log_loss : datasets whose loss in a batch enters as its logarithm, so that its size does not
         matter. The released code does so, for NYUv2 and VOID but not for KITTI, by a slip.
+    beyond : depth past the dataset's maximum continues along a tangent, so that loss and gradient
+        stay finite, or it is 1 / (scale * y + shift) itself (raw), as in the released code.
     """
 
     loss: str = "l1"
     supervision: Literal["depth", "fit", "both"] = "depth"
     units: Literal["relative", "metres"] = "relative"
-    balance: Literal["datasets", "images"] = "datasets"
+    balance: Literal["datasets", "images", "pixels"] = "datasets"
     log_loss: tuple[str, ...] = ()
+    beyond: Literal["tangent", "raw"] = "tangent"
 
 
 @dataclass(frozen=True)
@@ -67,7 +76,10 @@ class Training:
     clip : norm that gradients are clipped to; 0 for none.
     epochs : times that every image is seen, each time with a variant of its caption drawn again.
     batch : images in a step; by default a sixteenth of all, but 16 to 256.
-    pixels : pixels of each image in a step, of those that the depth table holds.
+    batches : mixed draws the images of a step from all datasets together and takes the mean of
+        their losses; each takes a batch of every dataset and adds their losses, each summed over
+        its images, as the released code does. An epoch of it ends with the smallest dataset.
+    pixels : pixels of each image in a step, of those that the depth table holds; 0 for all.
     validation : share of the training images held out to choose the best epoch, whole scenes;
         where a dataset has a validation split, that split is taken instead.
     split_scene : where a dataset has one scene only, hold out its last frames instead of refusing.
@@ -86,6 +98,7 @@ class Training:
     clip: float = 1.0
     epochs: int = 50
     batch: int | None = None
+    batches: Batches = "mixed"
     pixels: int = 256
     validation: float = 0.1
     split_scene: bool = False
@@ -95,7 +108,7 @@ class Training:
 
     def learning_rate(self, epoch: float) -> float:
         """The rate after so many epochs, a fraction included: warm-up, then its schedule."""
-        done = epoch / self.epochs
+        done = min(epoch / self.epochs, 1.0)
         if self.schedule == "cosine":
             left = 0.5 * (1 + math.cos(math.pi * done))
         else:  # power 0.9, as in the released code
@@ -177,7 +190,8 @@ class Plan:
         groups = (self.tables, self.model, self.goal, self.training, self.machine)
         found = {k: v for group in groups for k, v in dataclasses.asdict(group).items()}
         lists = {k: list(v) for k, v in found.items() if isinstance(v, tuple)}
-        return {k: v for k, v in {**found, **lists}.items() if k not in _LOCAL}
+        told = {k: v for k, v in {**found, **lists}.items() if k not in _LOCAL}
+        return {k: v for k, v in told.items() if _LATER.get(k) != v}
 
     @property
     def described(self) -> Described:

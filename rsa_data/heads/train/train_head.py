@@ -50,6 +50,8 @@ def train_head(
         raise UsageError(
             f"--validation: expected more than 0, at most 0.5; found {training.validation}"
         )
+    if training.pixels < 0:
+        raise UsageError(f"--pixels: expected 0 or more, found {training.pixels}")
     registry.resolve("loss", registry.LOSSES, goal.loss)
     head = registry.resolve("head", registry.HEADS, model.head)
     if head.reads and model.control == "dataset":

@@ -20,6 +20,7 @@ from ..architectures.layers import Head
 from ..checkpoint import FORMAT, ScaleHead, build_network
 from ..description import Description, Used, Validation
 from ..predict.calibration import calibrate
+from .batches import images_in_an_epoch
 from .optimization import Settings, begin, fit
 from .plan import Described, Plan
 from .state import State, from_checkpoint, to_checkpoint, to_history
@@ -57,10 +58,11 @@ def run(
     parameters = sum(p.numel() for p in network.parameters())
     left = store.read(f"{folder}/checkpoint.safetensors")
     state = from_checkpoint(left, training, parameters) or begin(network)
-    epochs = plan.training.epochs
-    shown = bar(f"train {plan.name}", epochs * examples.total) if bar else None
+    settings = _settings(plan, examples)
+    total = plan.training.epochs * settings.epoch
+    shown = bar(f"train {plan.name}", total) if bar else None
     if shown:
-        shown.update(len(state.history) * examples.total)
+        shown.update(len(state.history) * settings.epoch)
 
     written = time.monotonic()
 
@@ -73,7 +75,7 @@ def run(
             written = time.monotonic()
 
     tick = shown.update if shown else lambda images: None
-    state = fit(network, examples, _settings(plan, examples), state, after_epoch, tick)
+    state = fit(network, examples, settings, state, after_epoch, tick)
     if shown:
         shown.close()
     torch.nn.utils.vector_to_parameters(state.best, network.parameters())
@@ -124,11 +126,13 @@ def _still_ours(table: Table, plan: Plan) -> None:
 def _settings(plan: Plan, examples: Windows) -> Settings:
     names = [source.dataset for source in plan.sources]
     limits = np.array([plan.limits[name] for name in names])
+    batch = plan.training.batch or int(np.clip(examples.total // 16, 16, 256))
     return Settings(
         goal=plan.goal,
         training=plan.training,
         loss=registry.resolve("loss", registry.LOSSES, plan.goal.loss),
-        batch=plan.training.batch or int(np.clip(examples.total // 16, 16, 256)),
+        batch=batch,
+        epoch=images_in_an_epoch(examples.images, batch, plan.training.batches),
         log=np.array([name in plan.goal.log_loss for name in names]),
         unit=np.ones(len(names)) if plan.goal.units == "metres" else examples.mean_depth,
         weight=_weights(examples.images, plan.goal.balance),
@@ -159,7 +163,7 @@ def _first_network(plan: Plan, architecture: dict[str, Any], examples: Windows) 
 
 def _weights(images: np.ndarray, balance: str) -> np.ndarray:
     """What multiplies the loss of each dataset's images; 1 on average over all images."""
-    if balance == "images":
+    if balance != "datasets":
         return np.ones(len(images))
     found: np.ndarray = images.sum() / (len(images) * images)
     return found

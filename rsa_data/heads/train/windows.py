@@ -15,6 +15,7 @@ from .plan import Plan
 from .validation_split import by_scene
 
 _GIB = 2**30
+Part = tuple[int, int]  # number of the dataset, number of the part
 _SEEN = 512  # features of a part kept to choose references from
 
 
@@ -50,20 +51,41 @@ class Windows:
             return
         parts = list(self.sizes)
         order = np.random.default_rng((self.plan.training.seed, epoch)).permutation(len(parts))
-        window: list[tuple[int, int]] = []
-        for part in [parts[i] for i in order]:
+        parts = [parts[i] for i in order]
+        cut = self._of_each if self.plan.training.batches == "each" else self._in_turn
+        for window in cut(parts):
+            yield self._read(window)
+
+    def _in_turn(self, parts: list[Part]) -> Iterator[list[Part]]:
+        """Windows of one part after another, as many as fit."""
+        window: list[Part] = []
+        for part in parts:
             if window and sum(self.sizes[p] for p in window) + self.sizes[part] > self.limit:
-                yield self._read(window)
+                yield window
                 window = []
             window.append(part)
-        yield self._read(window)
+        yield window
 
-    def _read(self, window: list[tuple[int, int]]) -> Examples:
+    def _of_each(self, parts: list[Part]) -> Iterator[list[Part]]:
+        """Windows that hold a like share of the parts of every dataset."""
+        count = -(-sum(self.sizes.values()) // int(self.limit))
+        own = [[part for part in parts if part[0] == i] for i in range(self.count)]
+        if (fewest := min(map(len, own))) < count:
+            needed = 3 * sum(self.sizes.values()) / fewest / _GIB
+            raise RsaDataError(
+                f"train-head: --batches each: expected parts of every dataset in memory at once; "
+                f"--memory {self.plan.machine.memory:g} is too little. Give --memory "
+                f"{max(1, round(needed + 0.5))}, or index into smaller parts"
+            )
+        for number in range(count):
+            yield [part for of in own for part in of[number::count]]
+
+    def _read(self, window: list[Part]) -> Examples:
         return join([self._split(i, n)[0] for i, n in window], self.pixels)
 
     def _choose(self) -> None:
         """Decides for every row of samples whether it is held out, dataset by dataset."""
-        self.held: dict[tuple[int, int], np.ndarray] = {}
+        self.held: dict[Part, np.ndarray] = {}
         self.how: list[str] = []
         how = self.plan.training
         for i, (source, parts) in enumerate(zip(self.plan.sources, self.parts, strict=True)):
@@ -96,7 +118,7 @@ class Windows:
         """One pass: statistics, the validation examples, and the training ones while they fit."""
         count = self.count
         self.left_out, self.images = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self.sizes: dict[tuple[int, int], int] = {}
+        self.sizes: dict[Part, int] = {}
         depth_sum = np.zeros(count)
         fits: list[list[np.ndarray]] = [[] for _ in range(count)]
         validation: list[Examples] = []
@@ -144,6 +166,12 @@ class Windows:
                     f"{source.dataset}: expected training and validation images that are ok in "
                     f"{inputs} and {source.depth}; found {self.images[i]} for "
                     f"training, {self.left_out[i]} left out. `rsa-data status` shows what failed"
+                )
+            known = [e.share[e.dataset == i] for e in validation]
+            if self.plan.goal.balance == "pixels" and not np.isfinite(np.concatenate(known)).all():
+                raise RsaDataError(
+                    f"{source.dataset}/{source.depth}: --balance pixels: expected the size of each "
+                    "image beside its number of valid pixels; found none. Run its stage again"
                 )
 
 
