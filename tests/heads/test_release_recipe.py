@@ -164,7 +164,8 @@ def test_shares_of_valid_pixels_must_be_known(tmp_path):
     y = np.ones((n, 4))
     words = {"a": np.ones(4, np.float16)}
     write(
-        work, "nyuv2", scenes=list("abcdef"), texts=[["a"]] * n, features=words, relative=y, metric=y
+        work, "nyuv2", scenes=list("abcdef"), texts=[["a"]] * n, features=words,
+        relative=y, metric=y,
     )  # fmt: skip
     with pytest.raises(RsaDataError, match="--balance pixels: expected the size of each image"):
         train_head(work, balance="pixels", epochs=1, head="linear")
