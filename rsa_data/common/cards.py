@@ -24,7 +24,8 @@ class Card(msgspec.Struct, frozen=True, kw_only=True):
     tested : whether this project has run the model with its real weights.
     hub, file, revision : a file of the Hugging Face hub. url : a file anywhere else. A card with
         neither is for a file that the user has.
-    sha256 : of the model's file.
+    sha256, bytes : of the model's file: its digest and its size.
+    source : where a user gets a file that is not downloaded, in words.
     settings : the keys of the card that belong to the code of its kind.
     """
 
@@ -38,6 +39,8 @@ class Card(msgspec.Struct, frozen=True, kw_only=True):
     revision: str | None = None
     url: str | None = None
     sha256: str | None = None
+    bytes: int | None = None
+    source: str | None = None
     settings: dict[str, Any] = {}
 
     def __post_init__(self) -> None:

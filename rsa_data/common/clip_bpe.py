@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from .cards import card_path, read_card
 from .digests import file_sha256
-from .errors import RsaDataError
 from .model_files import local_file
 
 if TYPE_CHECKING:
@@ -62,12 +61,7 @@ def vocabulary() -> Path:
         # Another vocabulary under this name is passed over.
         if path.is_file() and file_sha256(str(path)) == card.sha256:
             return path
-    try:
-        return local_file(card, option=None)
-    except RsaDataError as error:
-        raise RsaDataError(
-            f"{error}. The package osam has the file as well: pip install osam"
-        ) from error
+    return local_file(card, option=None)
 
 
 def load() -> Callable[[Sequence[str]], list[list[int]]]:

@@ -1,6 +1,7 @@
 """The one HTTP client: urllib3, by the proxies of the environment, with retries and time limits."""
 
 import importlib.metadata
+import re
 import socket
 import threading
 import urllib.parse
@@ -148,4 +149,5 @@ def hidden(address: str) -> str:
 
 def reason(error: Exception) -> str:
     """What a failed request says, without the names of urllib3's own objects where it can be."""
-    return str(getattr(error, "reason", None) or error) or type(error).__name__
+    text = str(getattr(error, "reason", None) or error) or type(error).__name__
+    return re.sub(r"^\w+\(host=[^()]*\): ", "", text)

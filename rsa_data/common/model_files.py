@@ -11,6 +11,41 @@ from .cards import Card, card_path, read_card
 from .digests import read_sha256
 from .errors import RsaDataError
 from .files import cache_folder, replacing
+from .units import size
+
+
+class MissingFile(RsaDataError):
+    """A model's file that is not on this machine and cannot be had.
+
+    reason : why the download failed; None where the card names no download.
+    line : the file as an entry of a list: size, address, where to put it.
+    """
+
+    def __init__(self, card: Card, own: Path, option: str | None, reason: object):
+        self.card, self.reason = card, reason
+        digest = f"sha256 {card.sha256}" if card.sha256 else ""
+        about = f" ({told})" if (told := ", ".join(filter(None, [_size(card), digest]))) else ""
+        place = f"put it at {own}" + (f", or name it with {option} FILE" if option else "")
+        kind = f"{card.kind}, " if card.kind else ""
+        where = _address(card) or card.source or "a file of your own"
+        checksum = f", {digest}" if digest else ""
+        if _address(card) and card.source:
+            place += f" ({card.source})"
+        known = f"{kind}{_size(card) or 'size not known'}{checksum}"
+        self.line = f"{card.name} ({known}): {where}; {place}"
+        if reason is None:
+            given = f"give the file with {option} FILE, or put it at {own}" if option else place
+            text = f"model {card.name}: its card names no download; {given}. It is {where}"
+        else:
+            text = (
+                f"model {card.name}: its file is not on this machine and the download failed: "
+                f"{reason}\nWay out: get {where}{about} where there is a network, and {place}"
+            )
+        super().__init__(text)
+
+
+def _size(card: Card) -> str:
+    return size(card.bytes) if card.bytes else ""
 
 
 def fetch(name: str, option: str = "--encoder-weights") -> Path:
@@ -38,9 +73,7 @@ def local_file(card: Card, given: Path | None = None, option: str | None = "--we
     if card.url:
         _download(card, own, option)
         return own
-    raise RsaDataError(
-        f"model {card.name}: its card names no download; give the file with {option} FILE"
-    )
+    raise MissingFile(card, own, option, None)
 
 
 def found(card: Card) -> Path | None:
@@ -64,18 +97,9 @@ def cached_path(card: Card) -> Path:
 
 
 def _address(card: Card) -> str:
-    if card.url:
-        return card.url
+    if card.url or not card.hub:
+        return card.url or ""
     return f"https://huggingface.co/{card.hub}/resolve/{card.revision or 'main'}/{card.file}"
-
-
-def _unavailable(card: Card, own: Path, option: str | None, reason: object) -> RsaDataError:
-    checksum = f" (sha256 {card.sha256})" if card.sha256 else ""
-    return RsaDataError(
-        f"model {card.name}: its file is not on this machine and the download failed: {reason}\n"
-        f"Way out: get {_address(card)}{checksum} where there is a network, and put it at {own}"
-        + (f", or name it with {option} FILE" if option else "")
-    )
 
 
 def _checked(card: Card, path: Path, option: str | None) -> Path:
@@ -103,9 +127,8 @@ def _from_hub(card: Card, own: Path, option: str | None) -> Path:
         # The layers below (HTTP, Xet, the disk) raise errors of many unrelated kinds.
         except Exception as error:
             reason = str(error).strip().splitlines()
-            raise _unavailable(
-                card, own, option, reason[0] if reason else type(error).__name__
-            ) from error
+            told = reason[0] if reason else type(error).__name__
+            raise MissingFile(card, own, option, told) from error
     return _checked(card, Path(path), option)
 
 
@@ -123,7 +146,7 @@ def _download(card: Card, own: Path, option: str | None) -> None:
     try:
         download(card.url or "", own, sha256=card.sha256, where=f"model {card.name}")
     except (OSError, ValueError, HTTPError) as error:
-        raise _unavailable(card, own, option, http.reason(error)) from error
+        raise MissingFile(card, own, option, http.reason(error)) from error
 
 
 def download(
@@ -154,9 +177,9 @@ def download(
             file.write(block)
             if most is not None and file.tell() > most:
                 raise RsaDataError(f"{where}: expected at most {most:,} bytes of {url}")
-        size, expected = file.tell(), answer.headers.get("Content-Length")
-        if expected is not None and size != int(expected):
-            raise ValueError(f"expected {expected} bytes, got {size}")
+        length, expected = file.tell(), answer.headers.get("Content-Length")
+        if expected is not None and length != int(expected):
+            raise ValueError(f"expected {expected} bytes, got {length}")
         if sha256 is not None and sha.hexdigest() != sha256:
             raise RsaDataError(
                 f"{where}: expected sha256 {sha256} of {url}; found {sha.hexdigest()}: nothing was "

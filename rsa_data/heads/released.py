@@ -23,6 +23,8 @@ _MEASURES = [
     "delta2",
     "delta3",
 ]
+# What the released heads read.
+ENCODER = "clip-rn50"
 _PREFIX = "best_eval_measures_"
 
 
@@ -52,8 +54,8 @@ def read_released(path: Path) -> "tuple[dict[str, torch.Tensor], Description]":
         parameters=sum(tensor.numel() for tensor in weights.values()),
         features=Features(
             dim=dim,
-            encoder="clip-rn50",
-            options={"encoder": "clip-rn50", "normalize": False},
+            encoder=ENCODER,
+            options={"encoder": ENCODER, "normalize": False},
         ),
         standardized=False,
         depth_model=DepthModel(),

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import re
 import shutil
 
 import cv2
@@ -14,6 +15,7 @@ from click.testing import CliRunner
 from rsa_data.captions.wordings.intrinsics import intrinsics
 from rsa_data.captions.wordings.occupancy import occupancy
 from rsa_data.cli.main import cli
+from rsa_data.common import cards
 from rsa_data.common import options as binding
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.checkpoint import ScaleHead, build_network
@@ -321,6 +323,34 @@ def test_all_missing_files_are_listed_at_once(work, tmp_path, monkeypatch):
     text = str(error.value)
     assert text.startswith("2 files are missing:")
     assert "--segmenter-weights FILE" in text and "--depth-weights FILE" in text
+
+
+def test_a_published_head_lists_all_that_it_needs_with_sizes(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    # The shipped cards, with an address where nobody answers.
+    shutil.copytree(cards.CARDS, tmp_path / "cards")
+    for path in (tmp_path / "cards").glob("*.toml"):
+        text, here = path.read_text(), 'url = "http://127.0.0.1:9/f"'
+        if "sha256" in text:
+            path.write_text(re.sub(r"^(hub|url) = .*$", here, text, flags=re.MULTILINE))
+    monkeypatch.setattr(cards, "CARDS", tmp_path / "cards")
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 5, 3), np.uint8))
+    with pytest.raises(RsaDataError) as error:
+        predict(WorkDir(tmp_path / "none"), tmp_path / "a.png", head="rsa-depth-anything")
+    said = str(error.value).splitlines()
+    assert said[0] == "4 files are missing (498.1 MB and those of unknown size):"
+    for line, name, size, option in zip(
+        said[1:5],
+        ("rsa-depth-anything", "detr-resnet-50-panoptic", "clip-rn50", "depth-anything-small"),
+        ("3.2 MB", "86.6 MB", "408.3 MB", "size not known"),
+        ("--head", "--segmenter-weights", "--encoder-weights", "--depth-weights"),
+        strict=True,
+    ):
+        assert line.startswith(f"- {name} (") and size in line and f"{option} FILE" in line
+        assert f"put it at {tmp_path / 'cache'}" in line
+    assert said[5].endswith(
+        "rsa-data models fetch rsa-depth-anything detr-resnet-50-panoptic clip-rn50"
+    )
 
 
 def test_the_commands_print_what_came_of_it(work, shared):

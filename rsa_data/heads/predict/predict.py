@@ -2,21 +2,22 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...common import bounded, text_files
 from ...common.errors import RsaDataError, UsageError
+from ...common.model_files import MissingFile
 from ...common.options import accepts_old_names
 from ...store.tables import WorkDir
+from .. import ready
+from . import needs
 from .choices import Hints, Models, View
 from .find import find
 from .photos import opened
 from .prediction import Prediction
 from .run import Run
-
-if TYPE_CHECKING:
-    pass
 
 
 @accepts_old_names("predict")
@@ -50,7 +51,13 @@ def predict(
     call that cannot be meant and RsaDataError, which lists them all, when files are missing.
     """
     texts = [*caption, *_lines(captions)]
-    loaded = None if head is None and hints and not texts else find(work, head)
+    try:
+        loaded = None if head is None and hints and not texts else find(work, head)
+    except MissingFile as error:
+        if head not in ready.names():
+            raise
+        _all_missing(head, models, bool(photos), bool(texts), error)
+        raise
     about: dict[str, Any] = loaded.description if loaded else {}
     with ExitStack() as stack:
         every = stack.enter_context(opened(photos))
@@ -72,6 +79,18 @@ def predict(
                 "predict: expected --head NAME, or known distances: --known u,v,metres"
             )
         yield from Run(loaded, about, texts, models, hints, view).over(every)
+
+
+def _all_missing(head: str, models: Models, photos: bool, texts: bool, first: MissingFile) -> None:
+    """Raises RsaDataError that lists all files that a published head needs, not one file a try."""
+    about = ready.expected(head)
+    check = partial(
+        needs.check, about, models, caption=photos and not texts, encoder=True, first=[first]
+    )
+    try:
+        check(depth=photos and models.relative is None)
+    except UsageError:  # its depth model cannot be run here
+        check(depth=False)
 
 
 def _lines(path: Path | None) -> list[str]:

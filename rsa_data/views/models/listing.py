@@ -22,6 +22,8 @@ class Entry:
     def row(self) -> list[str]:
         """Name, kind, size, licence and digest, as a line of a table has them."""
         there = size(self.path.stat().st_size) if self.path else "not here"
+        if self.path is None and self.card.bytes:
+            there += f", {size(self.card.bytes)}"
         if self.path is None and not (self.card.hub or self.card.url):
             there = "no download"
         digest = (self.card.sha256 or "")[:12]
