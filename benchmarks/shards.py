@@ -1,13 +1,15 @@
 """Images in tar shards against loose files, through the same web server on this machine.
 
     python benchmarks/shards.py [--images 200000] [--few 20000] [--loose 5000] [--a-shard 1000]
+        [--out benchmarks/results/shards.json]
 
 Small images (64 x 48 px JPEG) in tars are indexed, segmented by a stub network (its answer is the
 picture) and captioned, through a server that sends spans, once with --images, once with --few of
-them; then --loose of the same images as loose files. Each command is a process of its own. Printed
-are seconds, images a second and peak memory of each, the ratio of memory of many to few, and the
-ratio of images a second of tars to loose files in detect. The server, the network and the disk are
-this machine's: what is compared is requests, not a link.
+them; then --loose of the same images as loose files. What only reads tables follows: embed-objects
+with the shipped MiniLM, verify and status. Each command is a process of its own. Printed are
+seconds, images a second and peak memory of each, the ratio of memory of many to few, and the ratio
+of images a second of tars to loose files in detect. The server, the network and the disk are this
+machine's: what is compared is requests, not a link.
 """
 
 import argparse
@@ -107,19 +109,22 @@ def measured(*words: object) -> tuple[float, float]:
 
 
 def chain(folder: Path, address: str, choice: str, images: int, *how: object) -> dict[str, float]:
+    """Seconds and MB of each command over so many images."""
     work = folder / f"work-{choice.partition(':')[0]}-{images}"
-    where = ("--dataset", choice, "--root", address, "--work", work, *how)
+    where = ("--dataset", choice, "--root", address, *how)
     stub = ("--card", folder / "stub.toml", "--segmenter-weights", folder / "stub.onnx")
-    detect = measured("detect", *where, *stub, "--segments", "stub")
-    captions = measured("captions", "--dataset", "photos", "--segments", "stub", "--work", work)
-    found = {
-        "images": images,
-        "index and detect, s": round(detect[0], 1),
-        "images a second": round(images / detect[0], 1),
-        "detect, MB": round(detect[1]),
-        "captions, s": round(captions[0], 1),
-        "captions, MB": round(captions[1]),
+    commands = {
+        "detect": (*where, *stub, "--segments", "stub"),
+        "captions": ("--dataset", "photos", "--segments", "stub"),
+        "embed-objects": ("--dataset", "photos", "--encoder", "minilm"),
+        "verify": (),
+        "status": (),
     }
+    found: dict[str, float] = {"images": images}
+    for name, words in commands.items():
+        seconds, megabytes = measured(name, *words, "--work", work)
+        found |= {f"{name}, s": round(seconds, 1), f"{name}, MB": round(megabytes)}
+    found["images a second"] = round(images / found["detect, s"], 1)
     print(choice, json.dumps(found), flush=True)
     return found
 
@@ -130,8 +135,10 @@ def main() -> int:
     parser.add_argument("--few", type=int, default=20_000)
     parser.add_argument("--loose", type=int, default=5_000)
     parser.add_argument("--a-shard", type=int, default=1000)
+    parser.add_argument("--out", type=Path, help="JSON file for the figures")
     given = parser.parse_args()
-    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before this began")
+    machine = f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before this began"
+    print(machine)
     with tempfile.TemporaryDirectory(prefix="rsa-data-shards-") as name:
         folder = Path(name)
         write(folder, given.images, given.a_shard, given.loose)
@@ -152,12 +159,17 @@ def main() -> int:
         server.terminate()
         server.join()
     memory = {
-        stage: round(runs["many"][f"{stage}, MB"] / runs["few"][f"{stage}, MB"], 3)
-        for stage in ("detect", "captions")
+        name.removesuffix(", MB"): round(runs["many"][name] / runs["few"][name], 3)
+        for name in runs["many"]
+        if name.endswith(", MB")
     }
     faster = runs["few"]["images a second"] / runs["loose"]["images a second"]
     print(f"memory of {given.images:,} against {given.few:,} images: {memory}")
     print(f"images a second of tars against loose files: {faster:.2f}")
+    if given.out is not None:
+        made = {"machine": machine, "runs": runs, "memory of many to few": memory}
+        made["images a second of tars to loose files"] = round(faster, 2)
+        given.out.write_text(json.dumps(made, indent=1) + "\n")
     return 0
 
 

@@ -89,6 +89,7 @@ STYLES = Entries(
         "release": "rsa_data.captions.wordings.release:release",
         "release-text": "rsa_data.captions.natural:release_text",
         "import": "rsa_data.captions.natural:import_texts",
+        "member": "rsa_data.captions.members:member",
         "vlm": "rsa_data.captions.vlm:vlm",
     },
 )

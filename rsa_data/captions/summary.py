@@ -1,5 +1,6 @@
 """What a captions table leaves out, and which option would leave out less."""
 
+import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -102,6 +103,22 @@ def import_lines(captions: Iterable[pa.Table], tokenizer: Tokenizer) -> list[str
         has = "image has" if silent == 1 else "images have"
         lines.append(f"{silent:,} {has} no text, or one as short as {NOTHING!r}.")
     return lines
+
+
+def failed_lines(captions: Iterable[pa.Table]) -> list[str]:
+    """How many images have no text for a reason that their step left in the table's metadata."""
+    failed: list[tuple[str, str]] = []
+    for table in captions:
+        audit = json.loads((table.schema.metadata or {}).get(b"audit", b"{}"))
+        failed += audit.get("failed", {}).items()
+    if not failed:
+        return []
+    name, reason = failed[0]
+    has = "image has" if len(failed) == 1 else "images have"
+    return [
+        f"{len(failed):,} {has} no text and got {NOTHING!r}. The receipts name them; "
+        f"the first is {name}: {reason}"
+    ]
 
 
 def _share(part: float, whole: float) -> str:

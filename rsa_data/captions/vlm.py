@@ -16,9 +16,6 @@ from ..common.progress import advance
 from ..common.tokenizers import Tokenizer
 from . import natural
 from .served import Server
-from .wordings.wording import NOTHING
-
-VERSION = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +42,8 @@ class Style:
     A server that serves one model needs no name. The key, where one is needed, stands in the
     environment variable RSA_DATA_VLM_KEY.
     """
+
+    version = 1
 
     def model(self, argument: str, asked: Asked) -> tuple[Server, str]:
         """The server and its model; raises UsageError without an address."""
@@ -120,28 +119,19 @@ def prompt_of(file: Path | None) -> str:
 
 
 def cost_lines(captions: Iterable[pa.Table], prices: str | None) -> list[str]:
-    """Tokens, cost and failures of parts, from what their steps left in the metadata.
+    """Tokens and cost of parts, from what their steps left in the metadata.
 
     prices : of a million tokens of questions and of answers, as IN,OUT in any currency.
     """
     asked = answered = 0
-    failed: list[tuple[str, str]] = []
     for table in captions:
         audit = json.loads((table.schema.metadata or {}).get(b"audit", b"{}"))
         asked += audit.get("prompt_tokens", 0)
         answered += audit.get("text_tokens", 0)
-        failed += audit.get("failed", {}).items()
     lines = [f"The model read {asked:,} tokens, images included, and wrote {answered:,}."]
     if prices:
         one, other = parse_prices(prices)
         lines[0] += f" At --prices {prices} that is {(asked * one + answered * other) / 1e6:,.4g}."
-    if failed:
-        name, reason = failed[0]
-        has = "image has" if len(failed) == 1 else "images have"
-        lines.append(
-            f"{len(failed):,} {has} no answer and got {NOTHING!r}. The receipts name them; "
-            f"the first is {name}: {reason}"
-        )
     return lines
 
 

@@ -11,13 +11,16 @@ from .. import registry
 from ..common.errors import UsageError
 from ..common.options import call, grouped, parameters
 from ..runner.stage import Notes, Reads, Stage
-from . import natural, summary, vlm
+from . import members, natural, summary, vlm
 from .blocks import composer
 from .caption_table import caption_table
 from .compose import Recipe
 from .options import Augmentation, Contents, WrongObjects
 from .vlm import Asked
 from .wordings.wording import Wording
+
+# Styles that make their own step, as they look at the dataset's files.
+_LOOKING = (vlm.Style, members.Style)
 
 
 def build(
@@ -34,11 +37,11 @@ def build(
     Parameters
     ----------
     style : how an object is worded, or texts to import as NAME:PATH; see `rsa-data list styles`.
-    root : where the images lie, for the style vlm; the runner knows it.
+    root : where the images lie, for the styles vlm and member; the runner knows it.
     """
     target, argument = _resolve(style)
     counter = registry.build("tokenizer", registry.TOKENIZERS, contents.tokenizer)
-    if isinstance(target, vlm.Style):
+    if isinstance(target, _LOOKING):
         return target.step(argument, server, counter, root)
     if not isinstance(target, Wording):
         return natural.step(style, target(argument), counter)
@@ -78,7 +81,7 @@ def build(
 def files(*, style: str = "occupancy", **_: object) -> dict[str, Path]:
     """The file of texts that an import reads, so that its bytes stand in the fingerprint."""
     target, argument = _resolve(style)
-    imports = argument and not isinstance(target, (Wording, vlm.Style))
+    imports = argument and not isinstance(target, (Wording, *_LOOKING))
     path = Path(argument) if imports else None
     return {"texts": path} if path is not None and path.is_file() else {}
 
@@ -89,8 +92,8 @@ def identity(*, style: str = "occupancy", tokenizer: str = "clip", **others: Any
     counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
     version = target.version if isinstance(target, Wording) else natural.VERSION
     found = {"style_version": str(version), "tokenizer": counter.fingerprint}
-    if isinstance(target, vlm.Style):
-        found["style_version"] = str(vlm.VERSION)
+    if isinstance(target, _LOOKING):
+        found["style_version"] = str(target.version)
         found |= target.identity(argument, grouped(build, others).get("server", Asked()))
     return found
 
@@ -104,10 +107,11 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
     """
     bound = {n: p.default for n, p in parameters(build).items()} | options
     counter = registry.build("tokenizer", registry.TOKENIZERS, bound["tokenizer"])
-    if isinstance(_resolve(bound["style"])[0], vlm.Style):
+    style = _resolve(bound["style"])[0]
+    if isinstance(style, _LOOKING):
         parts = list(captions)
-        lines = summary.import_lines(parts, counter)
-        return vlm.cost_lines(parts, bound["prices"]) + lines
+        lines = summary.failed_lines(parts) + summary.import_lines(parts, counter)
+        return (vlm.cost_lines(parts, bound["prices"]) if style is vlm.vlm else []) + lines
     if not needs_segments(bound["style"]):
         return summary.import_lines(captions, counter)
     asked = bound["max_tokens"]
@@ -135,11 +139,11 @@ def needs_segments(style: str) -> bool:
     return isinstance(_resolve(style)[0], Wording)
 
 
-def _resolve(style: str) -> tuple[Wording | vlm.Style | natural.Importer, str]:
+def _resolve(style: str) -> tuple[Wording | vlm.Style | members.Style | natural.Importer, str]:
     name, argument = registry.STYLES.split(style)
     colon = ":" if len(style) > len(name) else ""
     target = registry.resolve("style", registry.STYLES, name)
-    if isinstance(target, vlm.Style):
+    if isinstance(target, _LOOKING):
         return target, argument
     if isinstance(target, Wording) == bool(colon):
         expected = "no argument" if colon else f"{name}:PATH"

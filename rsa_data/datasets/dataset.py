@@ -10,6 +10,19 @@ import pyarrow as pa
 
 
 @dataclass(frozen=True)
+class Shards:
+    """Files that hold many images each, such as tars; an index reads them one after the other.
+
+    find : root -> their paths below it, sorted. Raises RsaDataError when there is none.
+    read : (root, path of one) -> its samples, a table of schemas/samples.toml in its own order.
+        Raises RsaDataError for a shard that is damaged.
+    """
+
+    find: Callable[[Path], list[str]]
+    read: Callable[[Path, str], pa.Table]
+
+
+@dataclass(frozen=True)
 class Dataset:
     """All that the pipeline knows of one dataset.
 
@@ -31,8 +44,9 @@ class Dataset:
     prepare : root -> writes the dataset's files where they are missing, for datasets that are made
         and not downloaded; killed half-way it goes on from there. None for all others.
     test_splits : splits whose depth is stored whole and which no training may read.
-    shard : path of an image in samples -> the shard that holds it; an index makes no part of images
-        of two shards, so that a worker reads one from its front to its end. None for loose files.
+    shards : the files that hold the images, where these are no files of their own. An index keeps
+        the samples of one shard at a time in memory, and makes no part of images of two, so that a
+        worker reads a shard from its front to its end. None for loose files.
     validation_splits : splits by which a training may choose its best epoch, and no more.
     min_depth, max_depth : m, the range in which ground truth counts as valid.
     """
@@ -50,7 +64,7 @@ class Dataset:
     relative: Callable[[str], str] | None = None
     panoptic: str | None = None
     prepare: Callable[[Path], None] | None = None
-    shard: Callable[[str], str] | None = None
+    shards: Shards | None = None
     test_splits: tuple[str, ...] = ("test",)
     validation_splits: tuple[str, ...] = ("val", "validation")
 

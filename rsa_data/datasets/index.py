@@ -2,24 +2,26 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from .. import registry
 from ..common import options as option_binding
 from ..common.errors import RsaDataError, UsageError
 from ..store import schemas
 from ..store.table_names import check_dataset_name
-from ..store.tables import Description, Made, WorkDir, fingerprint
+from ..store.tables import Description, Made, Table, WorkDir, fingerprint
 from . import left_out
 from .dataset import Dataset
+from .found_samples import FoundSamples, known_ids
+from .listing import nothing_found
 from .roots import is_remote, open_root
+from .shard_listing import read_shards, shard_sizes
 
 
 def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[str, Any]]:
@@ -94,15 +96,6 @@ def missing_root(dataset: Dataset) -> RsaDataError:
     )
 
 
-@dataclass(frozen=True)
-class Indexed:
-    """What `index` did: samples there, those that are new, and a line on files left out."""
-
-    samples: int
-    new: int
-    left_out: str | None
-
-
 def index(
     work: WorkDir,
     dataset: Dataset,
@@ -112,7 +105,7 @@ def index(
     samples: pa.Table | None = None,
     part_size: int,
     test_part_size: int,
-) -> Indexed:
+) -> str | None:
     """Writes the samples that the work dir does not have yet, as new parts after the old ones.
 
     Parameters
@@ -120,18 +113,65 @@ def index(
     samples : the index when it does not come from files under `root`.
     part_size, test_part_size : see `_part_sizes`.
 
-    A part holds one split.
+    A part holds one split. Shards that are as long as when the index last ended are not read
+    again. Nothing is written unless everything that was found is whole.
+
+    Returns a line on files left out, or None.
     """
+    table = work.table(dataset.name, "samples")
+    place, shards = None, dict[str, int]()
     if samples is None:
         if root is None:
             raise missing_root(dataset)
-        samples = dataset.index(root, None)
-        place = root if is_remote(root) else root.resolve()
-        work.store.write(f"{dataset.name}/root.txt", str(place).encode())
-    beside = left_out.told(samples)
-    samples = _named(samples, dataset.name)
-    table = work.table(dataset.name, "samples")
-    sizes = {"part_size": part_size, "test_part_size": test_part_size}
+        place = str(root if is_remote(root) else root.resolve())
+        if dataset.shards is not None:
+            shards = shard_sizes(root, dataset.shards.find(root))
+        last = _remembered(table, place)
+        fresh = [shard for shard, size in shards.items() if last.get(shard) != size]
+        tables = _tables(dataset, root, fresh)
+    else:
+        tables, fresh = iter([samples]), []
+    beside = None
+    with FoundSamples(dataset.name) as found:
+        for listed in tables:
+            beside = beside or left_out.told(listed)
+            found.add(listed)
+        found.finish()
+        if root is not None and not found.splits and len(fresh) == len(shards):
+            raise nothing_found(dataset.name, root, None)
+        if place is not None:
+            work.store.write(f"{dataset.name}/root.txt", place.encode())
+        _bind(table, kept, part_size, test_part_size)
+        _append(table, dataset, found, part_size, test_part_size)
+    if shards:
+        table.remember({"root": place, "shards": shards})
+    return beside
+
+
+def _tables(dataset: Dataset, root: Path, shards: list[str]) -> Iterator[pa.Table]:
+    """The samples below a root; of datasets in shards, those of these shards, a table each."""
+    if dataset.shards is not None:
+        yield from read_shards(dataset.shards, root, shards)
+    else:
+        yield dataset.index(root, None)
+
+
+def _remembered(table: Table, place: str) -> dict[str, int]:
+    """Bytes of the shards below a root that the table has whole; they need not be read again."""
+    if not table.complete() or _gone(table, table.parts()):
+        return {}
+    last = table.remembered()
+    shards = last.get("shards")
+    return shards if last.get("root") == place and isinstance(shards, dict) else {}
+
+
+def _gone(table: Table, done: list[int]) -> set[int]:
+    """Parts that are done and whose data is not there any more."""
+    files = set(table.store.list(table.path))
+    return {receipt.part for receipt in table.receipts(done) if receipt.file not in files}
+
+
+def _bind(table: Table, kept: Mapping[str, Any], part_size: int, test_part_size: int) -> None:
     builder = str(kept.get("dataset", ""))
     source = registry.DATASETS.source(builder) if builder in registry.DATASETS else None
     description = Description(
@@ -140,60 +180,40 @@ def index(
         stage_version=1,
         schema="samples",
         schema_version=schemas.definition("samples")["version"],
-        options={**kept, **sizes},
+        options={**kept, "part_size": part_size, "test_part_size": test_part_size},
     )
     table.bind(description)
+
+
+def _append(
+    table: Table, dataset: Dataset, found: FoundSamples, part_size: int, test_part_size: int
+) -> None:
+    """Writes the samples that the table does not have, in parts of one split and one shard."""
     # Listed once: were the next number taken from a second look, a run beside this one that had
     # written a part in between would leave its samples there twice.
-    done, files = table.parts(), set(table.store.list(table.path))
-    gone = {receipt.part for receipt in table.receipts(done) if receipt.file not in files}
+    done = table.parts()
+    gone = _gone(table, done)
     there = [number for number in done if number not in gone]
-    old = [table.read(number, columns=["sample_id"]) for number in there]
-    known = pa.concat_tables(old)["sample_id"] if old else pa.chunked_array([[]], pa.string())
-    fresh = samples.filter(pc.invert(pc.is_in(samples["sample_id"], value_set=known)))
+    known = known_ids(table.read(number, columns=["sample_id"]) for number in there)
     # Numbers of parts that were lost come first: their samples are the first ones that are new.
     end = max(done, default=-1) + 1
     numbers = chain(sorted(set(range(end)) - set(there)), count(end))
-    if len(fresh):
-        table.forget_manifest()
-    for split in sorted(pc.unique(fresh["split"]).to_pylist(), key=lambda s: (s != "train", s)):
-        rows = fresh.filter(pc.equal(fresh["split"], split))
+    begun = False
+    for split in sorted(found.splits, key=lambda s: (s != "train", s)):
         size = test_part_size if split in dataset.test_splits else part_size
-        for start, stop in _cuts(rows, size, dataset):
-            part = rows.slice(start, stop - start)
-            follows = sample_fingerprint(dataset.name, schemas.digest(part))
-            made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
-            number = next(numbers)
-            table.commit(number, part, made, redo=number in gone)
+        for rows in found.new(split, known):
+            if not begun:
+                table.forget_manifest()
+                begun = True
+            for start in range(0, len(rows), size):
+                part = rows.slice(start, size)
+                follows = sample_fingerprint(dataset.name, schemas.digest(part))
+                made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
+                number = next(numbers)
+                table.commit(number, part, made, redo=number in gone)
     table.manifest(table.parts())
-    return Indexed(len(known) + len(fresh), len(fresh), beside)
 
 
 def sample_fingerprint(dataset: str, digest: str) -> str:
     """What a part of samples follows from: itself; digest : of its content."""
     return fingerprint({"dataset": dataset, "digest": digest})
-
-
-def _cuts(rows: pa.Table, size: int, dataset: Dataset) -> Iterator[tuple[int, int]]:
-    """First and last row, last excluded, of each part: so many rows at most, of one shard."""
-    ends = [len(rows)]
-    if dataset.shard is not None:
-        shards = [dataset.shard(path or "") for path in rows["image"].to_pylist()]
-        ends = [i for i in range(1, len(shards)) if shards[i] != shards[i - 1]] + ends
-    begin = 0
-    for end in ends:
-        for start in range(begin, end, size):
-            yield start, min(start + size, end)
-        begin = end
-
-
-def _named(samples: pa.Table, name: str) -> pa.Table:
-    """Samples under the dataset's name in the work dir, in the order of their ids."""
-    tails = pc.replace_substring_regex(samples["sample_id"], "^[^/]*/", "")
-    columns = {c: samples[c] for c in samples.column_names}
-    columns["sample_id"] = pc.binary_join_element_wise(pa.scalar(name), tails, "/")
-    columns["dataset"] = pa.array([name] * len(samples), pa.string())
-    table = schemas.from_columns("samples", columns)
-    if len(table) != pc.count_distinct(table["sample_id"]).as_py():
-        raise RsaDataError(f"dataset {name}: two samples have the same sample_id")
-    return table

@@ -53,8 +53,7 @@ def to_table(
     rows = [s for s in samples if split in (None, s.split)]
     rows.sort(key=(lambda s: s.split) if in_order else (lambda s: (s.split, s.key)))
     if not rows:
-        what = f"split {split!r}" if split else "any split"
-        raise RsaDataError(f"{name}: {root}: expected images of {what}, found none; {guide(name)}")
+        raise nothing_found(name, root, split)
     known: dict[tuple[str, str], Sample] = {}
     for b in rows:
         if (a := known.setdefault((b.split, b.key), b)) is not b:
@@ -86,6 +85,12 @@ def to_table(
         raise RsaDataError(
             f"{name}: {root}: expected file names in UTF-8, found {error.object!r}; rename it"
         ) from error
+
+
+def nothing_found(name: str, root: Path, split: str | None) -> RsaDataError:
+    """The error for a root without an image of the split, or of any for None."""
+    what = f"split {split!r}" if split else "any split"
+    return RsaDataError(f"{name}: {root}: expected images of {what}, found none; {guide(name)}")
 
 
 def guide(name: str) -> str:

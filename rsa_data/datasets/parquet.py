@@ -12,12 +12,12 @@ from ..common.errors import RsaDataError
 from ..common.forms import is_path
 from . import parquet_rows
 from .cameras import UNKNOWN, from_numbers
-from .dataset import Dataset
+from .dataset import Dataset, Shards
 from .folder import scene as scene_of
-from .listing import Sample, stem, to_table
+from .listing import Sample, stem
 from .shard_file import Shard
-from .shard_listing import find_shards, split_of
-from .shards import address, shard_of
+from .shard_listing import find_shards, index_of, shard_table, split_of
+from .shards import address
 from .webdataset import shard_depth
 
 
@@ -65,21 +65,21 @@ def parquet(
     max_depth : m, larger depth counts as none.
     """
     columns = Columns(image, depth, scene, split, id, intrinsics)
+    find = partial(find_shards, "parquet", suffix=".parquet", listed=file_list)
+    shards = Shards(find, partial(_read, columns))
     return Dataset(
         name="parquet",
-        index=partial(_index, columns, file_list),
+        index=partial(index_of, "parquet", shards),
         read_depth=shard_depth("parquet", depth, depth_unit, (min_depth, max_depth)),
         min_depth=min_depth,
         max_depth=max_depth,
         scene=scene_of,
-        shard=shard_of,
+        shards=shards,
     )
 
 
-def _index(columns: Columns, listed: Path | None, root: Path, split: str | None) -> pa.Table:
-    files = find_shards("parquet", root, ".parquet", listed)
-    samples = [s for file in files for s in _samples(root, columns, file)]
-    return to_table("parquet", root, samples, split, in_order=True)
+def _read(columns: Columns, root: Path, file: str) -> pa.Table:
+    return shard_table("parquet", root, _samples(root, columns, file))
 
 
 def _samples(root: Path, columns: Columns, file: str) -> Iterator[Sample]:

@@ -60,6 +60,21 @@ def read(shard: Shard, group: int, row: int, name: str) -> bytes:
     return value
 
 
+def texts(shard: Shard, group: int, row: int, name: str) -> list[str]:
+    """The texts in a column of a row: one, those of a list, or none for null.
+
+    Raises RowError where the file has no such column, RsaDataError where it holds no texts.
+    """
+    column = _column(shard, group, name)
+    value = column[row].as_py()
+    found = value if isinstance(value, list) else [] if value is None else [value]
+    if not all(isinstance(text, str) for text in found):
+        raise RsaDataError(
+            f"{shard.path}: column {name}: expected texts or lists of them, found {column.type}"
+        )
+    return found
+
+
 def _column(shard: Shard, group: int, name: str) -> pa.ChunkedArray:
     key = (str(shard.path), shard.size, group, name)
     with _lock:  # whoever comes second waits for the first instead of reading the same again

@@ -1,15 +1,30 @@
-"""Which shards lie below a root, and the split that a shard's name says."""
+"""Which shards lie below a root, the samples of each, and the split that a shard's name says."""
 
 import re
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
-from ..common.errors import RsaDataError
-from .listing import files_below, paths, require_folder
+import numpy as np
+import pyarrow as pa
+
+from ..common.errors import RowError, RsaDataError
+from ..common.prefetch import ahead
+from ..store import schemas
+from .dataset import Shards
+from .found_samples import FoundSamples
+from .listing import Sample, files_below, nothing_found, paths, require_folder, to_table
+from .roots import RemotePath, is_remote
 
 _SPLIT = re.compile(r"(?:.*/)?(train|test|val)(?:idation)?(?:[-_./].*)?\.\w+")
 
 
-def find_shards(name: str, root: Path, suffix: str, listed: Path | None) -> list[str]:
+# Shards that are read at once where they are far.
+_AT_ONCE = 16
+
+
+def find_shards(name: str, root: Path, *, suffix: str, listed: Path | None) -> list[str]:
     """Paths of the shards below a root, sorted; raises RsaDataError when there is none."""
     if listed is not None:
         found = sorted({path for _, path in paths(listed, name)})
@@ -31,3 +46,52 @@ def split_of(shard: str) -> str:
     """The split that a shard's folder or name says; train where they say none."""
     match = _SPLIT.fullmatch(shard)
     return match[1] if match else "train"
+
+
+def shard_table(name: str, root: Path, samples: Iterable[Sample]) -> pa.Table:
+    """The samples of one shard, those of a split in its order; it may hold none."""
+    rows = list(samples)
+    if not rows:
+        return schemas.schema("samples").empty_table()
+    return to_table(name, root, rows, None, in_order=True)
+
+
+def index_of(name: str, shards: Shards, root: Path, split: str | None) -> pa.Table:
+    """All shards in one table, sorted by split and then by shard: `Dataset.index` of shards."""
+    with FoundSamples(name) as found:
+        for table in read_shards(shards, root, shards.find(root)):
+            found.add(table)
+        found.finish()
+        none = np.empty(0, "S1")
+        splits = [s for s in sorted(found.splits) if split in (None, s)]
+        tables = [table for s in splits for table in found.new(s, none)]
+    if not tables:
+        raise nothing_found(name, root, split)
+    return pa.concat_tables(tables)
+
+
+def read_shards(shards: Shards, root: Path, names: list[str]) -> Iterator[pa.Table]:
+    """The samples of each shard, a table each, in order; far ones are read ahead."""
+    read = partial(shards.read, root)
+    if not is_remote(root):
+        yield from map(read, names)
+        return
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        for table in ahead(pool, read, names, _AT_ONCE):
+            if isinstance(table, RowError):
+                raise table
+            yield table
+
+
+def shard_sizes(root: Path, names: list[str]) -> dict[str, int]:
+    """Bytes of each shard; raises RsaDataError for one that is not there."""
+
+    def size(name: str) -> int:
+        path = root / name
+        try:
+            return path.size() if isinstance(path, RemotePath) else path.stat().st_size
+        except FileNotFoundError as error:
+            raise RsaDataError(f"{path}: expected a shard, found no such file") from error
+
+    with ThreadPoolExecutor(_AT_ONCE if is_remote(root) else 1) as pool:
+        return dict(zip(names, pool.map(size, names), strict=True))

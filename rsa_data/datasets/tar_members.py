@@ -1,5 +1,6 @@
 """Tar shards: which files they hold and where, and the bytes of one of them."""
 
+import re
 import tarfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,6 +10,9 @@ from .shard_file import Shard
 
 _HEADER = tarfile.BLOCKSIZE
 
+# A sample's key is its name up to the first dot after the last slash, as WebDataset cuts it.
+_NAME = re.compile(r"((?:.*/)?[^/.]+)\.([^/]+)", re.DOTALL)
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -17,6 +21,15 @@ class Entry:
     name: str
     place: int
     size: int
+
+
+def split_name(name: str) -> tuple[str, str] | None:
+    """(key, ending in small letters) of a member's name; None for one that is of no sample.
+
+    WebDataset leaves these out as well: hidden files, and those without an ending.
+    """
+    match = _NAME.fullmatch(name)
+    return None if match is None else (match[1].removeprefix("./"), match[2].lower())
 
 
 def entries(shard: Shard) -> Iterator[Entry]:

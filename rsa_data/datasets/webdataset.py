@@ -1,8 +1,6 @@
 """Images in tar or zip shards, as WebDataset, img2dataset and NeMo Curator write them."""
 
-import re
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,21 +11,16 @@ import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
 from . import tar_members, zip_members
-from .dataset import Dataset
+from .dataset import Dataset, Shards
 from .depth_files import UNITS, any_file
 from .folder import scene
 from .images import SUFFIXES
-from .listing import Sample, inside, to_table
-from .roots import is_remote
+from .listing import Sample, inside
 from .shard_file import Shard
-from .shard_listing import find_shards, split_of
+from .shard_listing import find_shards, index_of, shard_table, split_of
 from .shard_records import camera_of, read_json, text_of
-from .shards import address, shard_of
-from .tar_members import Entry
-
-# A sample's key is its name up to the first dot after the last slash, as WebDataset cuts it.
-_NAME = re.compile(r"((?:.*/)?[^/.]+)\.([^/]+)", re.DOTALL)
-_LISTED_AT_ONCE = 16
+from .shards import address
+from .tar_members import Entry, split_name
 
 
 @dataclass(frozen=True)
@@ -126,14 +119,16 @@ def _dataset(
 ) -> Dataset:
     if fields.keys not in ("member", "shard/member"):
         raise UsageError(f"{name}: keys: expected member or shard/member, found {fields.keys!r}")
+    find = partial(find_shards, name, suffix=suffix, listed=file_list)
+    shards = Shards(find, partial(_read, name, entries, fields))
     return Dataset(
         name=name,
-        index=partial(_index, name, suffix, entries, fields, file_list),
+        index=partial(index_of, name, shards),
         read_depth=shard_depth(name, fields.depth, depth_unit, limits),
         min_depth=limits[0],
         max_depth=limits[1],
         scene=scene,
-        shard=shard_of,
+        shards=shards,
     )
 
 
@@ -158,23 +153,14 @@ def no_depth(path: Path) -> np.ndarray:
     raise RowError("the dataset was indexed without depth")
 
 
-def _index(
+def _read(
     name: str,
-    suffix: str,
     entries: Callable[[Shard], Iterator[Entry]],
     fields: Fields,
-    listed: Path | None,
     root: Path,
-    split: str | None,
+    shard: str,
 ) -> pa.Table:
-    shards = find_shards(name, root, suffix, listed)
-    read = partial(_samples, name, root, entries, fields)
-    if is_remote(root):
-        with ThreadPoolExecutor(_LISTED_AT_ONCE) as pool:
-            found = list(pool.map(read, shards))
-    else:
-        found = list(map(read, shards))
-    return to_table(name, root, [s for samples in found for s in samples], split, in_order=True)
+    return shard_table(name, root, _samples(name, root, entries, fields, shard))
 
 
 def _samples(
@@ -189,9 +175,9 @@ def _samples(
     file = Shard(root / shard)
     members: dict[str, dict[str, Entry]] = {}
     for entry in entries(file):
-        if (match := _NAME.fullmatch(entry.name)) is None:
-            continue  # WebDataset leaves them out as well: hidden, or without an ending
-        key, ending = match[1].removeprefix("./"), match[2].lower()
+        if (split := split_name(entry.name)) is None:
+            continue
+        key, ending = split
         inside(key if key[0] != "/" else f"/{key}", where)
         if members.setdefault(key, {}).setdefault(ending, entry) is not entry:
             raise RsaDataError(

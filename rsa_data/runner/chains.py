@@ -85,9 +85,9 @@ def samples(
     if rows is not None:
         index.index(work, dataset, kept, root=None, samples=rows, **sizes)
     elif found is not None or not table.complete():
-        done = index.index(work, dataset, kept, root=found, **sizes)
-        if done.left_out:
-            say(f"{dataset.name}: {done.left_out}")
+        left_out = index.index(work, dataset, kept, root=found, **sizes)
+        if left_out:
+            say(f"{dataset.name}: {left_out}")
     return dataset.name
 
 

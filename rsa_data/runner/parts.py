@@ -1,6 +1,7 @@
 """Running a stage on one part: load the step, read, compute, account for every row, commit."""
 
 import json
+from functools import partial
 from typing import Any
 
 import pyarrow as pa
@@ -27,7 +28,7 @@ def build_step(job: Job) -> Step:
     if "root" in known:
         given["root"] = open_root(job.root) if job.root else None
     if "images" in known:
-        given["images"] = _images(job)
+        given["images"] = partial(_images, job)
     step: Step = options.call(build, **given, **job.options)
     return step
 

@@ -27,7 +27,7 @@ def build(
     *,
     dataset: Dataset,
     root: Path | None,
-    images: Sequence[str] | None = None,
+    images: Callable[[], Sequence[str]] | None = None,
     segments: str = DEFAULT,
     segmenter_weights: Path | None = None,
     card: Path | None = None,
@@ -52,7 +52,7 @@ def build(
     names : class names of a label map or of detection results; a table of
         `rsa-data list class-tables`, or a file with one name a line or TOML.
     score_threshold : lowest score that is kept, instead of the model's own.
-    images : the images of the whole dataset, given by the frame.
+    images : gives the images of the whole dataset, which importers hold in memory.
     masks : keep each segment's mask as COCO run lengths.
     crowd : what a region that COCO marks as a crowd becomes: nothing, or a segment of stuff such as
         "crowd of people".
@@ -81,14 +81,16 @@ def build(
     known = options.parameters(builder)
     usual = options.parameters(build)
     for option, value in given.items():
-        if option not in known and value != usual[option].default:
+        # Ray says cpu for a worker without a GPU, which is where an importer runs.
+        without_effect = (usual[option].default, "cpu" if option == "device" else None)
+        if option not in known and value not in without_effect:
             raise UsageError(
                 f"segments {name}: {options.flag(option)} has no effect here: leave it out"
             )
     own = {option: value for option, value in given.items() if option in known}
     where: dict[str, Any] = {"dataset": dataset, "root": root}
     if "images" in known:
-        where["images"] = images
+        where["images"] = images and images()
     step: Step = builder(name=name, argument=argument or None, **where, **own)
     return step
 

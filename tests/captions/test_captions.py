@@ -120,7 +120,7 @@ ANY_IMAGE = st.lists(
     st.tuples(ANY_LABEL, st.floats(0, 1), st.tuples(st.floats(0, 639), st.floats(0, 479))),
     max_size=12,
 ).map(lambda found: objects(*found))
-WORDINGS = [n for n in registry.STYLES if n not in ("import", "release-text", "vlm")]
+WORDINGS = [n for n in registry.STYLES if n not in ("import", "release-text", "member", "vlm")]
 
 
 @pytest.mark.parametrize("tokenizer", ["clip", "minilm"])

@@ -253,7 +253,7 @@ def test_through_the_pipeline_with_costs_in_the_summary(root, fake, tmp_path):
         "The model read 600 tokens, images included, and wrote 18. At --prices 1000,2000 that is "
         "0.636."
     )
-    assert summary.notes[1].startswith("1 image has no answer and got 'An image.'")
+    assert summary.notes[1].startswith("1 image has no text and got 'An image.'")
     assert work.tables(name) == ["captions/vlm", "samples"]
     about = work.table(name, "captions/vlm").description()
     assert about.identity["vlm_model"] == "eyes"

@@ -21,6 +21,7 @@ from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets import images
 from rsa_data.datasets.roots import open_root
 from rsa_data.datasets.webdataset import webdataset
+from rsa_data.runner.engines.pool import EngineOptions
 from rsa_data.store.tables import WorkDir
 
 
@@ -76,8 +77,9 @@ def test_shards_in_a_bucket(tmp_path, weather, expected, form):
         client.put_object(Bucket="bucket", Key=f"{form}/{path.name}", Body=path.read_bytes())
     choice = "webdataset:photos" if form == "tar" else "parquet:photos"
     options = TAR if form == "tar" else {**TAR, "depth": "depth"}
-    root = open_root(f"s3://bucket/{form}")
-    found, _ = tables(WorkDir(tmp_path / "work"), choice, options, root, expected[1])
+    root, work = open_root(f"s3://bucket/{form}"), WorkDir(tmp_path / "work")
+    engine = EngineOptions(workers=2 if form == "tar" else 1)
+    found, _ = tables(work, choice, options, root, expected[1], engine)
     for table in TABLES:
         assert found[table].equals(expected[0][table]), table
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from click.testing import CliRunner
 from shard_files import (
     FORMS,
     TABLES,
@@ -19,11 +20,14 @@ from shard_files import (
     tables,
 )
 
+from rsa_data.cli.main import cli
 from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets import images
 from rsa_data.datasets.index import open_dataset
 from rsa_data.datasets.parquet import parquet
 from rsa_data.datasets.webdataset import webdataset, zipped
+from rsa_data.runner import chains
+from rsa_data.runner.engines.pool import EngineOptions
 from rsa_data.store.tables import WorkDir
 
 
@@ -39,14 +43,96 @@ def test_shards_give_what_loose_files_give(tmp_path, expected, form):
         assert found[table].equals(expected[0][table]), table
 
 
-def test_two_workers_and_smaller_parts_change_nothing(tmp_path, expected):
+def test_smaller_parts_change_nothing(tmp_path, expected):
     as_tars(frames(), tmp_path / "photos")
     options = TAR | {"part_size": 3}
     root, work = tmp_path / "photos", WorkDir(tmp_path / "work")
-    found, parts = tables(work, "webdataset:photos", options, root, expected[1], workers=2)
+    found, parts = tables(work, "webdataset:photos", options, root, expected[1])
     assert parts == [3, 1, 3, 1, 2]
     for table in TABLES:
         assert found[table].equals(expected[0][table]), table
+
+
+@pytest.mark.ray
+@pytest.mark.filterwarnings("ignore")
+def test_ray_workers_change_nothing(tmp_path, expected):
+    ray = pytest.importorskip("ray")
+    ray.init(address="local", num_cpus=4, include_dashboard=False)
+    try:
+        as_tars(frames(), tmp_path / "photos")
+        root, work = tmp_path / "photos", WorkDir(tmp_path / "work")
+        engine = EngineOptions("ray", workers=2)
+        found, _ = tables(work, "webdataset:photos", TAR, root, expected[1], engine)
+    finally:
+        ray.shutdown()
+    for table in TABLES:
+        assert found[table].equals(expected[0][table]), table
+
+
+def test_shards_that_are_as_they_were_are_not_read_again(tmp_path):
+    made, root, work = frames(12), tmp_path / "photos", WorkDir(tmp_path / "work")
+    as_tars(made, root)
+    chains.samples(work, "webdataset:photos", {}, root=root)
+    (root / "00001.tar").rename(tmp_path / "00001.tar")
+    chains.samples(work, "webdataset:photos", {}, root=root)
+    (root / "00001.tar").write_bytes(b"x" * (tmp_path / "00001.tar").stat().st_size)
+    with pytest.raises(RsaDataError, match=r"00001\.tar: expected a tar"):
+        chains.samples(work, "webdataset:photos", {}, root=root)
+    (tmp_path / "00001.tar").replace(root / "00001.tar")
+    tar_of(root / "00009.tar", {"new.png": b"new"})
+    chains.samples(work, "webdataset:photos", {}, root=root)
+    table = work.table("photos", "samples")
+    assert [receipt.rows for receipt in table.receipts(table.parts())] == [4, 4, 4, 1]
+    # Nothing of a tar that has not changed is looked at, but for its size.
+    for path in root.iterdir():
+        path.write_bytes(b"x" * path.stat().st_size)
+    chains.samples(work, "webdataset:photos", {}, root=root)
+    assert len(table.parts()) == 4
+
+
+def test_a_second_shard_with_the_same_key_leaves_nothing_behind(tmp_path):
+    root, work = tmp_path / "photos", WorkDir(tmp_path / "work")
+    root.mkdir()
+    for number in range(2):
+        tar_of(root / f"{number}.tar", {"a.png": b"a"})
+    with pytest.raises(RsaDataError, match=r"found 0\.tar#\S+ and 1\.tar#\S+ with the same key tr"):
+        chains.samples(work, "webdataset:photos", {}, root=root)
+    assert not work.table("photos", "samples").exists()
+
+
+@pytest.mark.parametrize("form", ["tar", "zip", "parquet"])
+def test_captions_that_lie_in_the_shards(tmp_path, form):
+    write, choice, _ = FORMS[form]
+    write(frames(), tmp_path / "photos")
+    words = ["captions", "--dataset", choice, "--root", tmp_path / "photos", "--style"]
+    work = ["--work", tmp_path / "work"]
+    done = CliRunner().invoke(cli, [*map(str, [*words, "member:txt", *work])])
+    assert done.exit_code == 0, done.output
+    table = WorkDir(tmp_path / "work").table("photos", "captions/member")
+    rows = pa.concat_tables([table.read(n) for n in table.parts()])
+    expected = [[f"frame {n}"] if n != 8 else ["a", "b ö"] for n in range(10)]
+    assert rows["text"].to_pylist() == [text for texts in expected for text in texts]
+    assert rows.slice(8, 2)["variant"].to_pylist() == [0, 1]
+    done = CliRunner().invoke(cli, [*map(str, [*words, "member:none", "--label", "none", *work])])
+    assert done.exit_code == 1 and "texts in members .none" in str(done.exception)
+
+
+def test_captions_of_shards_that_are_missing_or_no_text(tmp_path):
+    (tmp_path / "photos").mkdir()
+    members = {f"{k}.png": b"" for k in "abc"} | {"a.txt": b"one", "b.txt": b"\xff\xff"}
+    tar_of(tmp_path / "photos" / "0.tar", members)
+    words = ["captions", "--dataset", "webdataset:photos", "--root", tmp_path / "photos"]
+    work = ["--style", "member:txt", "--work", tmp_path / "work"]
+    done = CliRunner().invoke(cli, [*map(str, [*words, *work])])
+    assert done.exit_code == 0
+    assert "1 image has no text and got 'An image.'" in done.output and "UTF-8" in done.output
+    table = WorkDir(tmp_path / "work").table("photos", "captions/member")
+    assert table.read(0)["text"].to_pylist() == ["one", "An image.", "An image."]
+    (tmp_path / "loose").mkdir()
+    (tmp_path / "loose" / "a.png").write_bytes(b"")
+    words = ["captions", "--dataset", "folder:loose", "--root", tmp_path / "loose"]
+    done = CliRunner().invoke(cli, [*map(str, [*words, *work])])
+    assert done.exit_code == 1 and "expected images in shards" in str(done.exception)
 
 
 def tar_of(path: Path, members: dict[str, bytes | tarfile.TarInfo]) -> None:

@@ -27,8 +27,10 @@ def frames(count: int = 10) -> dict[str, dict[str, bytes]]:
         Image.fromarray(rng.integers(0, 255, (40, 60, 3), np.uint8)).save(photo, "PNG")
         Image.fromarray(rng.integers(500, 5000, (40, 60), np.uint16)).save(depth, "PNG")
         content = photo.getvalue() if number != 3 else b"\x89PNG\r\n\x1a\nbroken"
-        made[f"scene{number // 4}/{number:04d}"] = {"png": content, "depth.png": depth.getvalue()}
+        parts = {"png": content, "depth.png": depth.getvalue(), "txt": f"frame {number}".encode()}
+        made[f"scene{number // 4}/{number:04d}"] = parts
     del made["scene1/0006"]["depth.png"]
+    made["scene2/0008"]["txt"] = "a\nb ö\n".encode()
     return made
 
 
@@ -82,6 +84,8 @@ def as_parquet(made: dict[str, dict[str, bytes]], root: Path) -> None:
         }
         kind = pa.struct({"bytes": pa.binary(), "path": pa.string()})
         table = pa.table({name: pa.array(rows, kind) for name, rows in columns.items()})
+        texts = [parts["txt"].decode().split("\n")[:2] for parts in shard.values()]
+        table = table.append_column("txt", pa.array(texts, pa.list_(pa.string())))
         pq.write_table(table, root / f"train-{number:05d}.parquet", row_group_size=3)
 
 
@@ -114,22 +118,42 @@ FORMS: dict[str, tuple[Callable[..., None], str, dict[str, str]]] = {
     "parquet": (as_parquet, "parquet:photos", COLUMNS),
     "datasets": (as_datasets, "parquet:photos", COLUMNS | {"id": "key"}),
 }
-TABLES = ("segments/labels", "embeddings/images/thumbnail", "depth/files-relative")
+TABLES = (
+    "samples",
+    "segments/labels",
+    "captions/occupancy",
+    "embeddings/images/thumbnail",
+    "depth/files-relative",
+)
+HERE = EngineOptions()
 
 
-def tables(work: WorkDir, choice: str, options: dict, root: Path, place: Path, workers: int = 1):
-    """Segments, thumbnails and depth of a root, and how many samples each part has."""
+def tables(
+    work: WorkDir,
+    choice: str,
+    options: dict,
+    root: Path,
+    place: Path,
+    engine: EngineOptions = HERE,
+):
+    """Tables of a root, and how many samples each part has: index, segments, captions and so on.
+
+    Of samples, all but where images and depth lie. engine : for segments and depth.
+    """
     name = chains.samples(work, choice, options, root=root)
-    for stage, given in (
-        ("detect", {"segments": f"labels:{place / 'labels'}", "names": "nyu13"}),
-        ("embed-images", {"encoder": "thumbnail"}),
-        ("depth", {"depth_model": f"files:{place / 'relative'}", "pixels": 16}),
+    for stage, given, upstream in (
+        ("detect", {"segments": f"labels:{place / 'labels'}", "names": "nyu13"}, None),
+        ("captions", {"variants": 3}, "segments/labels"),
+        ("embed-images", {"encoder": "thumbnail"}, None),
+        ("depth", {"depth_model": f"files:{place / 'relative'}", "pixels": 16}, None),
     ):
-        job = jobs.job(work, stages.bind(stage, given), name, root=root)
-        assert not runs.run(job, bar=rooms.NoBar, engine=EngineOptions(workers=workers)).undone
+        job = jobs.job(work, stages.bind(stage, given), name, root=root, upstream=upstream)
+        workers = engine if stage in ("detect", "depth") else HERE
+        assert not runs.run(job, bar=rooms.NoBar, engine=workers).undone
     samples = work.table(name, "samples")
     found = {}
     for table in TABLES:
         there = work.table(name, table)
         found[table] = pa.concat_tables([there.read(n) for n in there.parts()])
+    found["samples"] = found["samples"].drop_columns(["image", "depth"])
     return found, [receipt.rows for receipt in samples.receipts(samples.parts())]

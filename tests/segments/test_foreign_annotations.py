@@ -33,8 +33,9 @@ def run(source, images, *, root=None, size=(100, 100), others=(), **options):
             "height": pa.array([size and size[1]] * len(images), pa.int32()),
         }
     )
+    whole = [*images, *others]
     step = detect.build(
-        dataset=DATASET, root=root, images=[*images, *others], segments=source, **options
+        dataset=DATASET, root=root, images=lambda: whole, segments=source, **options
     )
     return step(samples).to_pylist()
 

@@ -1,0 +1,108 @@
+"""What an index finds, kept in a temporary file until all of it is known to be there once."""
+
+import hashlib
+import tempfile
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ..common.errors import RsaDataError
+from ..store import schemas
+
+# Bytes of an id's digest: what stays in memory of each sample.
+_DIGEST = 16
+
+
+def id_digests(ids: pa.ChunkedArray) -> np.ndarray:
+    """16 bytes of each sample_id's BLAKE2b, S16 (n,): equal where the ids are."""
+    made = (hashlib.blake2b(i.encode(), digest_size=_DIGEST).digest() for i in ids.to_pylist())
+    return np.frombuffer(b"".join(made), f"S{_DIGEST}")
+
+
+class FoundSamples:
+    """The samples of a dataset, table by table, in the order in which they were found.
+
+    Nothing but a digest of each id stays in memory, so that an index of any number of shards needs
+    as much of it as one shard does.
+    """
+
+    def __init__(self, name: str):
+        self.name = name
+        self.splits: list[str] = []
+        self._file = tempfile.TemporaryFile(prefix="rsa-data-index-")  # noqa: SIM115  # __exit__
+        schema = schemas.schema("samples")
+        options = pa.ipc.IpcWriteOptions(compression="zstd")
+        self._writer = pa.ipc.new_file(pa.PythonFile(self._file, "w"), schema, options=options)
+        self._digests: list[np.ndarray] = []
+
+    def __enter__(self) -> "FoundSamples":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def add(self, samples: pa.Table) -> None:
+        """Keeps a table of samples, under the dataset's name in the work dir."""
+        named = self._named(samples)
+        schemas.check("samples", named)
+        if not len(named):
+            return
+        self._digests.append(id_digests(named["sample_id"]))
+        self.splits += [s for s in pc.unique(named["split"]).to_pylist() if s not in self.splits]
+        # One batch a table: `tables` gives back what was added.
+        (batch,) = named.combine_chunks().to_batches()
+        self._writer.write_batch(batch)
+
+    def finish(self) -> None:
+        """Raises RsaDataError when two samples have the same id."""
+        self._writer.close()
+        digests = np.sort(np.concatenate([*self._digests, np.empty(0, f"S{_DIGEST}")]))
+        twice = digests[1:][digests[1:] == digests[:-1]]
+        if len(twice):
+            there = [row for t in self.tables() for row in _rows_of(t, twice[0])]
+            raise RsaDataError(
+                f"{self.name}: expected one image for each key, found {there[0]['image']} and "
+                f"{there[1]['image']} with the same key "
+                f"{there[0]['sample_id'].partition('/')[2]}; remove or rename one of them"
+            )
+
+    def tables(self) -> Iterator[pa.Table]:
+        """The tables again, as they were added."""
+        reader = pa.ipc.open_file(pa.PythonFile(self._file, "r"))
+        for number in range(reader.num_record_batches):
+            yield pa.Table.from_batches([reader.get_batch(number)])
+
+    def new(self, split: str, known: np.ndarray) -> Iterator[pa.Table]:
+        """The rows of one split in each table, without those whose ids are known.
+
+        known : digests of ids, sorted, S16 (n,).
+        """
+        for table, digests in zip(self.tables(), self._digests, strict=True):
+            place = np.searchsorted(known, digests)
+            there = np.zeros(len(digests), bool)
+            inside = place < len(known)
+            there[inside] = known[place[inside]] == digests[inside]
+            rows = table.filter(pc.and_(pc.equal(table["split"], split), pa.array(~there)))
+            if len(rows):
+                yield rows
+
+    def _named(self, samples: pa.Table) -> pa.Table:
+        tails = pc.replace_substring_regex(samples["sample_id"], "^[^/]*/", "")
+        columns = {c: samples[c] for c in samples.column_names}
+        columns["sample_id"] = pc.binary_join_element_wise(pa.scalar(self.name), tails, "/")
+        columns["dataset"] = pa.array([self.name] * len(samples), pa.string())
+        return schemas.from_columns("samples", columns)
+
+
+def known_ids(tables: Iterable[pa.Table]) -> np.ndarray:
+    """Digests of the ids in tables of samples, sorted, S16 (n,)."""
+    found = [id_digests(table["sample_id"]) for table in tables]
+    return np.sort(np.concatenate([*found, np.empty(0, f"S{_DIGEST}")]))
+
+
+def _rows_of(table: pa.Table, digest: bytes) -> list[dict[str, str]]:
+    chosen = table.filter(pa.array(id_digests(table["sample_id"]) == digest))
+    rows: list[dict[str, str]] = chosen.select(["sample_id", "image"]).to_pylist()
+    return rows
