@@ -6,9 +6,9 @@ doc = "What it is for."
 [dataset.nyuv2.detect]               # options for this dataset alone
 segments = "rsa-release:../RSA"
 
-[captions]                           # for every dataset
+[captions]                           # for every dataset; several tables as [[captions]]
 style = "occupancy"
-[embed]
+[embed]                              # reads each captions table of this file
 encoder = "clip-rn50"
 [depth]
 depth_model = "depth-anything-v2-small"
@@ -32,6 +32,7 @@ from ..datasets.roots import open_root
 from ..store.tables import WorkDir
 from . import chains, stages
 from .chains import RunOptions
+from .pipeline_changes import change, rename
 from .stages import ConfiguredStage
 
 
@@ -40,14 +41,15 @@ class DatasetEntry:
     """[dataset.NAME]: a dataset and the row stages to run over it.
 
     builder : of the registry. root : where its files lie, as it is written in the file.
-    options : of the dataset. stages : by name, with the options that hold for this dataset.
+    options : of the dataset. stages : in their order, with the options that hold for this dataset;
+    one that writes several tables stands there for each.
     """
 
     name: str
     builder: str
     root: str | None
     options: dict[str, Any]
-    stages: dict[str, ConfiguredStage]
+    stages: tuple[ConfiguredStage, ...]
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,9 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
     entries.allow([*_words(raw), *map(str, (changes or {}).values())])
     if path.is_file() and (folder := str(path.parent.resolve())) not in sys.path:
         sys.path.append(folder)  # modules beside the file may be named in it
-    _rename(raw)
+    rename(raw)
     for where, value in (changes or {}).items():
-        _change(raw, _renamed(where.split(".")), value, f"{path}: {where}")
+        change(raw, where.split("."), value, f"{path}: {where}")
     try:
         return _parsed(raw, str(path))
     except RsaDataError as error:
@@ -106,50 +108,13 @@ def _words(value: Any) -> Iterator[str]:
             yield from _words(inner)
 
 
-def _takes(name: str) -> Callable[..., Any] | None:
-    """The function whose options a table of that name holds, if it is one of a stage or a step."""
-    if name in registry.STEPS:
-        return _function(name)
-    return stages.stage(name).build if name in registry.STAGES else None
-
-
-def _rename(tables: dict[str, Any]) -> None:
-    """Old names of options become today's, with a warning each, here and in [dataset.NAME]."""
-    for name, table in tables.items():
-        takes = _takes(name)
-        if takes is not None and isinstance(table, dict):
-            tables[name] = options.current(takes, table)
-    datasets = tables.get("dataset")
-    for entry in datasets.values() if isinstance(datasets, dict) else ():
-        if isinstance(entry, dict) and "dataset" not in entry:
-            _rename(entry)
-
-
-def _renamed(places: list[str]) -> list[str]:
-    takes = _takes(places[-2]) if len(places) > 1 else None
-    return places if takes is None else [*places[:-1], *options.current(takes, {places[-1]: None})]
-
-
-def _change(raw: dict[str, Any], places: list[str], value: Any, where: str) -> None:
-    place = raw
-    for name in places[:-1]:
-        place = place.setdefault(name, {})
-        if not isinstance(place, dict):
-            raise UsageError(f"{where}: expected {name} to be a table, found {place!r}")
-    place[places[-1]] = value
-
-
 def _parsed(raw: dict[str, Any], where: str) -> PipelineFile:
     top = ("doc", "dataset", *stages.names(), *registry.STEPS)
     for name in raw:
         if name not in top:
             raise UsageError(f"{where}: {unknown('table', name, top)}")
     doc = typed.convert(raw.get("doc", ""), str, f"{where}.doc")
-    shared = {
-        name: typed.convert(raw[name], dict[str, Any], f"{where}.{name}")
-        for name in stages.names()
-        if name in raw
-    }
+    shared = {name: _tables(raw[name], f"{where}.{name}") for name in stages.names() if name in raw}
     tables = typed.convert(raw.get("dataset", {}), dict[str, Any], f"{where}.dataset")
     if not tables:
         raise UsageError(f"{where}: expected at least one [dataset.NAME]; found none")
@@ -159,18 +124,27 @@ def _parsed(raw: dict[str, Any], where: str) -> PipelineFile:
     }
     steps = []
     for name in registry.STEPS:
-        several = raw.get(name, [])
-        several = several if isinstance(several, list) else [several]
-        for given in typed.convert(several, list[dict[str, Any]], f"{where}.{name}"):
+        for given in _tables(raw.get(name, []), f"{where}.{name}"):
             options.bind(_function(name), given, f"{where}: {name}")
             steps.append(Step(name, given))
     return PipelineFile(doc, datasets, steps)
 
 
-def _dataset(name: str, value: Any, shared: dict[str, dict[str, Any]], where: str) -> DatasetEntry:
-    """A [dataset.NAME] table; shared : options of the stages for every dataset."""
+def _tables(value: Any, where: str) -> list[dict[str, Any]]:
+    """The tables of [NAME] or [[NAME]]."""
+    several = value if isinstance(value, list) else [value]
+    return typed.convert(several, list[dict[str, Any]], where)
+
+
+def _dataset(
+    name: str, value: Any, shared: dict[str, list[dict[str, Any]]], where: str
+) -> DatasetEntry:
+    """A [dataset.NAME] table; shared : options of the stages for every dataset.
+
+    What stands in [dataset.NAME.STAGE] goes over each of those; [[dataset.NAME.STAGE]] adds tables.
+    """
     table = typed.convert(value, dict[str, Any], where)
-    own = {key: value for key, value in table.items() if isinstance(value, dict)}
+    own = {key: value for key, value in table.items() if isinstance(value, (dict, list))}
     for stage in own:
         if stage not in stages.names():
             raise unknown(f"stage in [dataset.{name}]", stage, stages.names())
@@ -178,12 +152,28 @@ def _dataset(name: str, value: Any, shared: dict[str, dict[str, Any]], where: st
     root = typed.convert(table["root"], str, f"{where}.root") if "root" in table else None
     rest = {k: v for k, v in table.items() if k not in own and k not in ("builder", "root")}
     index.open_dataset(f"{builder}:{name}", rest)
-    bound = {
-        stage: stages.bind(stage, {**shared.get(stage, {}), **own.get(stage, {})})
-        for stage in stages.names()
-        if stage in shared or stage in own
-    }
-    return DatasetEntry(name, builder, root, rest, bound)
+    bound: list[ConfiguredStage] = []
+    for stage in stages.names():
+        mine = own.get(stage, {})
+        tables = shared.get(stage, [])
+        if isinstance(mine, list):
+            tables = [*tables, *_tables(mine, f"{where}.{stage}")]
+        elif mine:
+            tables = [{**one, **mine} for one in tables or [{}]]
+        bound += _several(stage, tables, f"{where}.{stage}")
+    return DatasetEntry(name, builder, root, rest, tuple(bound))
+
+
+def _several(stage: str, tables: list[dict[str, Any]], where: str) -> list[ConfiguredStage]:
+    """A stage for each of its tables; raises UsageError where two would be one table."""
+    found = [stages.bind(stage, table) for table in tables]
+    labels = [one.label or (one.default_label(None) if one.stage.selector else "") for one in found]
+    if again := next((label for label in labels if labels.count(label) > 1), None):
+        raise UsageError(
+            f"{where}: expected tables of different names, found {again!r} twice. Give one of them "
+            'a label = "NAME"'
+        )
+    return found
 
 
 def _function(step: str) -> Callable[..., Any]:
@@ -217,18 +207,20 @@ def run(
 def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
     choice = entry.name if entry.builder == entry.name else f"{entry.builder}:{entry.name}"
     root = None if entry.root is None else open_root(entry.root)
-    source = next((s for s in entry.stages.values() if s.stage.reads is None), None)
+    source = next((s for s in entry.stages if s.stage.reads is None), None)
     chains.samples(work, choice, entry.options, root=root, source=source)
-    for configured in entry.stages.values():
-        if any(_makes_for(configured, later) for later in entry.stages.values()):
-            continue  # it runs as the first half of that stage, where that one needs it
+    for configured in entry.stages:
         reads = configured.stage.reads
-        kind = None if reads is None else reads.kind
-        first = next((s for s in entry.stages.values() if s.stage.kind == kind), None)
+        first_of_kind = next(s for s in entry.stages if s.stage.kind == configured.stage.kind)
+        if configured is first_of_kind and any(_makes_for(configured, s) for s in entry.stages):
+            continue  # it runs as the first half of that stage, where that one needs it
+        read = [s for s in entry.stages if reads is not None and s.stage.kind == reads.kind]
         if reads is None or reads.made_first:
+            first = read[0] if read else None
             chains.chain(work, configured, entry.name, how, root=root, first=first)
-        else:
-            label = None if first is None else first.label or first.default_label(None)
+            continue
+        for table in read or [None]:
+            label = None if table is None else table.label or table.default_label(None)
             chains.chain(work, configured, entry.name, how, root=root, wanted=label)
 
 

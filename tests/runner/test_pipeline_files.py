@@ -47,7 +47,22 @@ def test_mistakes_are_named_before_anything_runs(tmp_path, text, message):
         ("[[dataset.a]]", {}, "dataset.a: expected an object, found "),
         ("dataset = 1", {}, "dataset: expected an object, found 1"),
         ("[dataset.a]\nbuilder = 1", {}, "dataset.a.builder: expected text, found 1"),
-        ("[dataset.folder]\n[[embed]]\nencoder = 'x'", {}, "embed: expected an object, found "),
+        ("[dataset.folder]\n[[embed]]\nencoder = 1", {}, "encoder: expected str, found 1"),
+        (
+            "[dataset.folder]\n[[captions]]\n[[captions]]\ndigits = 0",
+            {},
+            "dataset.folder.captions: expected tables of different names, found 'occupancy' twice",
+        ),
+        (
+            "[dataset.folder]\n[[captions]]\n[[captions]]\nstyle = 'counts'",
+            {"captions.style": "x"},
+            r"expected which of the 2 tables \[\[captions\]\].*such as captions.0.style",
+        ),
+        (
+            "[dataset.folder]\n[[captions]]\n",
+            {"captions.1.style": "x"},
+            "expected a number from 0 to 0, found 1",
+        ),
         ("[dataset.folder]\n[train-head]\nname.x = 1", {}, "train-head: name: expected str"),
         ("evaluate = [1]\n[dataset.folder]", {}, r"evaluate\[0\]: expected an object, found 1"),
         ("doc = 'x'\n[dataset.folder]", {"doc.x.y": 1}, "expected doc to be a table, found 'x'"),
@@ -68,7 +83,33 @@ def test_changes_are_put_over_the_file(tmp_path):
     path = written(tmp_path, "[dataset.nyuv2]\n[captions]\nvariants = 3\n")
     changes = {"captions.variants": "5", "dataset.nyuv2.root": "/data"}
     entry = pipeline_files.load(path, changes).datasets["nyuv2"]
-    assert entry.stages["captions"].options["variants"] == 5
+    assert [one.options["variants"] for one in entry.stages] == [5]
     assert (entry.root, entry.options) == ("/data", {})
     with pytest.raises(UsageError, match="unknown option 'varants'"):
         pipeline_files.load(path, {"captions.varants": "5"})
+
+
+def test_several_tables_of_one_stage(tmp_path):
+    text = """
+    [dataset.nyuv2]
+    [[dataset.nyuv2.captions]]
+    style = "classes"
+    [dataset.kitti]
+    [dataset.kitti.captions]
+    variants = 2
+    [[captions]]
+    [[captions]]
+    digits = 0
+    label = "whole-percent"
+    [embed]
+    """
+    found = pipeline_files.load(written(tmp_path, text), {"captions.1.digits": "1"}).datasets
+    told = {
+        name: [(s.stage.name, s.label, s.options.get("variants")) for s in entry.stages]
+        for name, entry in found.items()
+    }
+    nyu = [("captions", None, 5), ("captions", "whole-percent", 5), ("captions", None, 5)]
+    kitti = [("captions", None, 2), ("captions", "whole-percent", 2)]
+    embed = ("embed", None, None)
+    assert told == {"nyuv2": [*nyu, embed], "kitti": [*kitti, embed]}
+    assert [s.options.get("digits") for s in found["kitti"].stages] == [2, 1, None]
