@@ -129,6 +129,8 @@ DEPTH_MODELS = Entries(
         "depth-anything-v2-small": "rsa_data.depth.onnx:build",
         "depth-anything-small": "rsa_data.depth.onnx:build",
         "dpt-hybrid-midas": "rsa_data.depth.onnx:build",
+        "dpt-hybrid-finetuned": "rsa_data.depth.onnx:build",
+        "midas-swin2-large-384": "rsa_data.depth.onnx:build",
         "midas-v21-small": "rsa_data.depth.onnx:build",
     },
 )

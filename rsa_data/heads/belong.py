@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..common import cards
 from ..common.errors import RsaDataError
 from ..store.tables import Table, WorkDir, fingerprint
 from .description import Features
@@ -77,17 +78,29 @@ def kinds_of(features: Features) -> tuple[str, ...]:
 
 
 def depth_identity(table: Table) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What y is: (model, its options and files; the geometry this dataset's images had)."""
+    """What y is: (model, its options and files; the geometry this dataset's images had).
+
+    The file stands with the geometry where the model's card says that it may be another one for
+    each dataset.
+    """
     description = table.description()
     options = {k: v for k, v in description.options.items() if k not in _INDIFFERENT}
     geometry = {key: options.pop(key, None) for key in _PER_DATASET}
+    files = description.files
+    if files and _file_by_dataset(str(options.get("depth_model"))):
+        geometry["files"], files = files, {}
     model = {
         "model": table.name.partition("/")[2],
         "options": options,
-        "files": description.files,
+        "files": files,
         "stage_version": description.stage_version,
     }
     return model, geometry
+
+
+def _file_by_dataset(model: str) -> bool:
+    shipped = (cards.CARDS / f"{model}.toml").is_file()
+    return shipped and bool(cards.card_of("relative-depth", model).settings.get("file_by_dataset"))
 
 
 def same(kind: str, found: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any]:

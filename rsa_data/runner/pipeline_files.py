@@ -219,8 +219,8 @@ def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
             first = read[0] if read else None
             chains.chain(work, configured, entry.name, how, root=root, first=first)
             continue
-        for table in read or [None]:
-            label = None if table is None else table.label or table.default_label(None)
+        labels = [table.label or table.default_label(None) for table in read]
+        for label in labels or [None]:
             chains.chain(work, configured, entry.name, how, root=root, wanted=label)
 
 

@@ -146,12 +146,14 @@ def check_depth_file(about: dict[str, Any], model: str, weights: Path | None) ->
     from ...common.digests import file_sha256
     from ...depth import measure
 
-    wanted = ((about.get("depth_model") or {}).get("files") or {}).get("model")
+    known = about.get("depth_model") or {}
+    each = [known, *(known.get("geometry") or {}).values()]
+    wanted = {(one.get("files") or {}).get("model") for one in each} - {None}
     path = measure.files(depth_model=model, depth_weights=weights).get("model")
-    if wanted is not None and path is not None and (found := file_sha256(str(path))) != wanted:
+    if wanted and path is not None and (found := file_sha256(str(path))) not in wanted:
         raise RsaDataError(
             f"depth model {model}: the head was trained with another file: expected sha256 "
-            f"{wanted}; found {found} in {path.name}"
+            f"{' or '.join(sorted(wanted))}; found {found} in {path.name}"
         )
 
 
