@@ -219,7 +219,7 @@ def _run_stages(work: WorkDir, entry: DatasetEntry, how: RunOptions) -> None:
             first = read[0] if read else None
             chains.chain(work, configured, entry.name, how, root=root, first=first)
             continue
-        labels = [table.label or table.default_label(None) for table in read]
+        labels: list[str | None] = [one.label or one.default_label(None) for one in read]
         for label in labels or [None]:
             chains.chain(work, configured, entry.name, how, root=root, wanted=label)
 

@@ -148,7 +148,7 @@ def check_depth_file(about: dict[str, Any], model: str, weights: Path | None) ->
 
     known = about.get("depth_model") or {}
     each = [known, *(known.get("geometry") or {}).values()]
-    wanted = {(one.get("files") or {}).get("model") for one in each} - {None}
+    wanted = {str(one["files"]["model"]) for one in each if (one.get("files") or {}).get("model")}
     path = measure.files(depth_model=model, depth_weights=weights).get("model")
     if wanted and path is not None and (found := file_sha256(str(path))) not in wanted:
         raise RsaDataError(
