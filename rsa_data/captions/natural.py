@@ -61,6 +61,7 @@ def write_texts(
 ) -> pa.Table:
     """A captions table of the texts of each sample; one without any gets "An image."."""
     lines = [_tidy(texts or ()) for texts in found]
+    bounded.check_captions((text for group in lines for text in group), f"captions/{name}")
     texts = [text for group in lines for text in group or [NOTHING]]
     sizes = np.array([len(group) or 1 for group in lines], np.int64)
     rows = np.repeat(np.arange(len(samples)), sizes)

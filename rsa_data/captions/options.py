@@ -1,7 +1,11 @@
 """Options of the stage captions, in groups."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+import msgspec
+
+from ..common.ranges import Amount, Count, Share
 from .augment import Domain
 from .objects import Which
 
@@ -20,9 +24,9 @@ class Contents:
 
     objects: Which = "all"
     group: bool = False
-    digits: int = 2
+    digits: Annotated[int, msgspec.Meta(ge=0, le=3)] = 2
     tokenizer: str = "clip"
-    max_tokens: int | None = None
+    max_tokens: Annotated[int, msgspec.Meta(ge=0, le=2**30)] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +41,10 @@ class Augmentation:
         in a comment, with 1, and nothing is deleted: the texts come ready from files.
     """
 
-    variants: int = 5
-    seed: int = 0
-    delete: float = 0.2
-    delete_by_area: float | None = None
+    variants: Annotated[int, msgspec.Meta(ge=1, lt=2**15)] = 5
+    seed: Count = 0
+    delete: Share = 0.2
+    delete_by_area: Amount | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +56,6 @@ class WrongObjects:
     domain : where replaced and inserted objects come from, street or indoor.
     """
 
-    replace: float = 0.0
-    insert: int = 0
+    replace: Share = 0.0
+    insert: Annotated[int, msgspec.Meta(ge=0, le=1000)] = 0
     domain: Domain = "street"

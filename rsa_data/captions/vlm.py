@@ -13,6 +13,7 @@ import pyarrow as pa
 from ..common import bounded
 from ..common.errors import RowError, UsageError
 from ..common.progress import advance
+from ..common.ranges import Amount, AtOnce
 from ..common.tokenizers import Tokenizer
 from . import natural
 from .served import Server
@@ -31,8 +32,8 @@ class Asked:
 
     endpoint: str | None = None
     prompt: Path | None = None
-    concurrency: int = 4
-    rate: float = 0.0
+    concurrency: AtOnce = 4
+    rate: Amount = 0.0
     prices: str | None = None
 
 
@@ -50,10 +51,6 @@ class Style:
         if not asked.endpoint:
             raise UsageError("captions: the style vlm needs --endpoint, such as "
                              "http://127.0.0.1:8000/v1")  # fmt: skip
-        if asked.concurrency < 1:
-            raise UsageError(
-                f"captions: concurrency: expected 1 or more, found {asked.concurrency}"
-            )
         server = Server(asked.endpoint, prompt_of(asked.prompt), asked.rate)
         return server, server.model(argument)
 

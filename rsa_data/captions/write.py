@@ -45,16 +45,6 @@ def build(
         return target.step(argument, server, counter, root)
     if not isinstance(target, Wording):
         return natural.step(style, target(argument), counter)
-    for name, value, low, high in (
-        ("variants", augmentation.variants, 1, 2**15 - 1),
-        ("digits", contents.digits, 0, 3),
-        ("delete", augmentation.delete, 0, 1),
-        ("replace", wrong.replace, 0, 1),
-        ("insert", wrong.insert, 0, 1000),
-        ("max_tokens", contents.max_tokens or 0, 0, 2**30),
-    ):
-        if not low <= value <= high:
-            raise UsageError(f"captions: {name}: expected {low} to {high}, found {value}")
     if contents.group and target.group is False:
         raise UsageError(
             f"captions: the style {style!r} describes each object by itself. Leave out --group, or "

@@ -5,10 +5,12 @@ from pathlib import Path
 import click
 
 from ..common.errors import RsaDataError
+from ..common.ranges import Count
 from ..runner import recompute as recomputing
 from ..runner import status as state
 from ..runner import verify as checks
 from ..store.tables import WorkDir
+from .options import Number
 from .shared import work_option
 
 
@@ -31,6 +33,7 @@ def status(work: str) -> None:
 @click.option(
     "--recompute",
     default=0,
+    type=Number(Count),
     metavar="N",
     help="Also compute N random parts of each table again and compare them.",
 )

@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
+from ..common import ranges
+from ..common.errors import UsageError
 from ..common.options import RENAMED, choices, flag, help_text, parameters
 from . import console
 
@@ -39,7 +41,8 @@ def one_option(function: Callable[..., Any], name: str) -> Callable[[Command], C
 
 def _option(name: str, parameter: Any, text: str) -> tuple[str, dict[str, Any]]:
     """What click.option is called with: the flag, and everything else."""
-    kind = next(k for k in choices(parameter.annotation) if k is not type(None))
+    annotated = next(k for k in choices(parameter.annotation) if k is not type(None))
+    kind, limits = ranges.split(annotated)
     required = parameter.default is parameter.empty
     sentence = text[:1].upper() + text[1:] + ("." if text else "")
     extra: dict[str, Any] = {"help": sentence, "required": required}
@@ -57,8 +60,24 @@ def _option(name: str, parameter: Any, text: str) -> tuple[str, dict[str, Any]]:
     elif kind is Path:
         extra |= {"type": click.Path(path_type=Path)}
     else:
-        extra |= {"type": kind}
+        extra |= {"type": kind if limits is None else Number(annotated)}
     return declared, extra
+
+
+class Number(click.ParamType[Any]):
+    """A number with a range, of a type such as `ranges.Positive`."""
+
+    def __init__(self, annotated: Any):
+        self.kind, limits = ranges.split(annotated)
+        assert limits is not None
+        self.limits = limits
+        self.name = "integer" if self.kind is int else "float"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return ranges.number(value, self.kind, self.limits)
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
 
 
 def current_words(command: str, words: Sequence[str]) -> list[str]:

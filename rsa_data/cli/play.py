@@ -1,14 +1,15 @@
 """The command that opens a page to try a head: play."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import click
+import msgspec
 
 from ..common.extras import extras
 from ..common.options import call, parameters
 from ..heads.predict.choices import Models, View
 from ..store.tables import WorkDir
-from .options import click_options
+from .options import Number, click_options
 from .shared import work_option
 
 
@@ -23,6 +24,7 @@ def _models(*, models: Models = Models(), view: View = View()) -> tuple[Models, 
 @click.option(
     "--port",
     default=8080,
+    type=Number(Annotated[int, msgspec.Meta(ge=1, lt=2**16)]),
     show_default=True,
     help="Port of the page; it is served to this machine only.",
 )

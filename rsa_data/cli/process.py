@@ -64,7 +64,8 @@ def _unexpected(error: BaseException) -> str:
         return "the input is nested too deeply"
     kind, what = type(error).__name__, " ".join(str(error).split())
     if isinstance(error, OSError):
-        return (f"{error.filename}: " if error.filename else "") + (error.strerror or what)
+        where = f"{error.filename!s:.500}: " if error.filename else ""
+        return where + (error.strerror or what)
     shown = f"unexpected {kind}: {what}" if what else f"unexpected {kind}"
     return f"{shown:.500}. This is a fault of rsa-data: `rsa-data --debug ...` shows the traceback"
 

@@ -10,6 +10,7 @@ import click
 
 from .. import registry
 from ..common import units
+from ..common.ranges import AtOnce
 from ..datasets.roots import open_root
 from ..runner import limits
 from ..runner.chains import RunOptions
@@ -19,6 +20,7 @@ from ..runner.plan import lines as plan_lines
 from ..runner.runs import Summary
 from ..store.tables import WorkDir
 from . import console
+from .options import Number
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -120,7 +122,13 @@ def running(command: Callable[..., Any]) -> Callable[..., Any]:
             show_default=True,
             help="Engine that runs the workers.",
         ),
-        click.option("--workers", default=1, show_default=True, help="Number of worker processes."),
+        click.option(
+            "--workers",
+            default=1,
+            type=Number(AtOnce),
+            show_default=True,
+            help="Number of worker processes.",
+        ),
         click.option(
             "--part-range", callback=part_range, metavar="A:B", help="Process only parts A to B-1."
         ),

@@ -6,12 +6,13 @@ from typing import Any
 import click
 
 from ..common.options import parameters
+from ..common.ranges import Positive
 from ..runner import chains, pipeline_files, stages
 from ..runner.chains import RunOptions
 from ..runner.stage import GIVEN, Stage
 from ..runner.stages import ConfiguredStage
 from ..store.tables import WorkDir
-from .options import click_options, one_option
+from .options import Number, click_options, one_option
 from .shared import key_values, one_dataset, running, say_next
 
 
@@ -28,7 +29,7 @@ def command(name: str) -> click.Command:
         call = click.option(
             "--preview",
             metavar="N",
-            type=int,
+            type=Number(Positive),
             help="Draw N images with their segments to a PNG file.",
         )(call)
     call = click.option(

@@ -8,11 +8,14 @@ file they cannot read, or text that is not of its form, handle it as they handle
 """
 
 import errno
+import io
 import json
 import os
 import re
 import stat
 import tomllib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -35,6 +38,14 @@ LIMITS: dict[str, float] = {
     "json": 1.2e9,
     # Bytes of a TOML file; the parser is slow.
     "toml": 1e6,
+    # Characters of one caption: encoders read some hundreds.
+    "caption": 100e3,
+    # Bytes of a file that is hashed or loaded, not read whole: weights of a model.
+    "model": 16e9,
+    # Seconds that the download of a model may take in all.
+    "download": 4 * 3600.0,
+    # Bytes of memory that the names in one folder of a bucket may take: some million names.
+    "listing": 500e6,
     # Bytes of a file of a work dir that is read whole: a description, a manifest, a head.
     "record": 512e6,
     # Bytes of a server's answer that is not a file: JSON, or a page that lists a folder.
@@ -42,6 +53,9 @@ LIMITS: dict[str, float] = {
     # Seconds that one request may take in all, from the first byte sent to the last one read.
     "request": 300.0,
 }
+
+# Which of them are seconds.
+TIMES = frozenset({"request", "download"})
 
 
 class Refused(OSError, ValueError):
@@ -70,11 +84,11 @@ def _limits(text: str) -> dict[str, float]:
                 f"found {item!r}"
             )
         try:
-            amount = float(value.removesuffix("s")) if name == "request" else parse_size(value, "")
+            amount = float(value.removesuffix("s")) if name in TIMES else parse_size(value, "")
         except (ValueError, RsaDataError) as error:
             raise UsageError(
                 f"{VARIABLE}: {name}: expected "
-                + ("seconds, such as 60s" if name == "request" else "a size, such as 2GB")
+                + ("seconds, such as 60s" if name in TIMES else "a size, such as 2GB")
                 + f"; found {value!r}"
             ) from error
         if not 0 < amount < float("inf"):
@@ -103,11 +117,8 @@ def read(path: Path, kind: str) -> bytes:
         with path.open("rb") as file:
             data: bytes = file.read(most + 1)
     else:
-        # Asked first: opening a pipe waits for somebody who writes.
-        check_file(path)
-        with open(path, "rb", opener=_opened) as file:
-            if (there := os.fstat(file.fileno()).st_size) > most:
-                raise over(kind, there)
+        with opened(path, kind) as file:
+            there = os.fstat(file.fileno()).st_size
             data = file.read(there + 1)
             if len(data) > there:  # a file that grows, or one of /proc, which says 0
                 data += file.read(most + 1 - len(data))
@@ -116,7 +127,18 @@ def read(path: Path, kind: str) -> bytes:
     return data
 
 
-def _opened(path: str, flags: int) -> int:
+@contextmanager
+def opened(path: Path, kind: str) -> Iterator[io.BufferedReader]:
+    """A file to read from, which holds no more than the limit `kind` when it is opened."""
+    # Asked first: opening a pipe waits for somebody who writes.
+    check_file(path)
+    with open(path, "rb", opener=_opener) as file:
+        if (there := os.fstat(file.fileno()).st_size) > limit(kind):
+            raise over(kind, there)
+        yield file
+
+
+def _opener(path: str, flags: int) -> int:
     # A pipe that took the file's place meanwhile is not waited for either.
     return os.open(path, flags | os.O_NONBLOCK)
 
@@ -136,6 +158,17 @@ def read_text(path: Path, kind: str = "text") -> str:
         raise
     except ValueError as error:
         raise Refused(f"expected UTF-8 text; found {error}") from error
+
+
+def check_captions(texts: Iterable[str], where: str) -> None:
+    """Raises RsaDataError for a text of more characters than the limit `caption`."""
+    most = limit("caption")
+    for text in texts:
+        if len(text) > most:
+            raise RsaDataError(
+                f"{where}: expected captions of at most {most:,.0f} characters, found one of "
+                f"{len(text):,}, {text[:40]!r}...; {VARIABLE}=caption=NUMBER raises the limit"
+            )
 
 
 def read_json(path: Path, kind: str = "json") -> Any:

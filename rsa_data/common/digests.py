@@ -4,6 +4,9 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
+from . import bounded
+from .errors import RsaDataError
+
 
 @cache
 def file_sha256(path: str) -> str:
@@ -12,6 +15,9 @@ def file_sha256(path: str) -> str:
 
 
 def read_sha256(path: Path) -> str:
-    """sha256 of a file as it is now."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """sha256 of a file as it is now; RsaDataError for one over the limit `model`, or a pipe."""
+    try:
+        with bounded.opened(path, "model") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except bounded.Refused as error:
+        raise RsaDataError(f"{path}: {error}") from error

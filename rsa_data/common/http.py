@@ -4,6 +4,7 @@ import importlib.metadata
 import re
 import socket
 import threading
+import time
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator
@@ -65,13 +66,19 @@ class _Watch:
     """Shuts a connection when its time is over."""
 
     def __init__(self, seconds: float):
-        self.seconds, self.over = seconds, False
+        self.ends, self.over = time.monotonic() + seconds, False
         self.timer: threading.Timer | None = None
 
     def begin(self, sock: Any) -> None:
-        self.timer = threading.Timer(self.seconds, self._end, [sock])
+        self.cancel()  # that of the connection which a redirect has left
+        left = max(0.0, self.ends - time.monotonic())
+        self.timer = threading.Timer(left, self._end, [sock])
         self.timer.daemon = True
         self.timer.start()
+
+    def cancel(self) -> None:
+        if self.timer is not None:
+            self.timer.cancel()
 
     def _end(self, sock: Any) -> None:
         self.over = True
@@ -91,8 +98,7 @@ def deadline(seconds: float) -> Iterator[None]:
         yield
     finally:
         _waiting.watch = None
-        if watch.timer is not None:
-            watch.timer.cancel()
+        watch.cancel()
         if watch.over:  # headers and bodies without a length look whole where they were cut
             raise TimeoutError(f"no whole answer within {seconds:.3g} s")
 

@@ -1,12 +1,13 @@
 """The files of models: found in the cache, or downloaded and checked against their card."""
 
 import hashlib
+import math
 import socket
 import urllib.parse
 import urllib.request
 from pathlib import Path
 
-from . import http
+from . import bounded, http
 from .cards import Card, card_path, read_card
 from .digests import read_sha256
 from .errors import RsaDataError
@@ -144,7 +145,9 @@ def _download(card: Card, own: Path, option: str | None) -> None:
     from urllib3.exceptions import HTTPError
 
     try:
-        download(card.url or "", own, sha256=card.sha256, where=f"model {card.name}")
+        download(
+            card.url or "", own, most=card.bytes, sha256=card.sha256, where=f"model {card.name}"
+        )
     except (OSError, ValueError, HTTPError) as error:
         raise MissingFile(card, own, option, http.reason(error)) from error
 
@@ -159,14 +162,17 @@ def download(
 ) -> Path:
     """Fetches a url to `own`, which appears only whole, and with the right checksum if known.
 
-    most : bytes that are taken at most. where : begins the messages.
-    Raises RsaDataError for another kind of address, too many bytes or another checksum; OSError,
-    ValueError or urllib3's HTTPError where the transport fails.
+    most : bytes that are taken at most, beside the limit `model` of common.bounded. where : begins
+    the messages. Raises RsaDataError for another kind of address, too many bytes or another
+    checksum; OSError, ValueError or urllib3's HTTPError where the transport fails, or does not end
+    within the limit `download`.
     """
     if not url.startswith(("https://", "http://")):
         raise RsaDataError(f"{where}: expected an http(s) url; found {url!r}")
     sha = hashlib.sha256()
-    with replacing(own, durable=True) as file:
+    most = int(min(bounded.limit("model"), most or math.inf))
+    seconds = bounded.limit("download")
+    with replacing(own, durable=True) as file, http.deadline(seconds):
         answer = http.client(url, tries=3).request(
             "GET", url, preload_content=False, enforce_content_length=False
         )
@@ -175,7 +181,7 @@ def download(
         for block in answer.stream(1 << 20, decode_content=False):
             sha.update(block)
             file.write(block)
-            if most is not None and file.tell() > most:
+            if file.tell() > most:
                 raise RsaDataError(f"{where}: expected at most {most:,} bytes of {url}")
         length, expected = file.tell(), answer.headers.get("Content-Length")
         if expected is not None and length != int(expected):

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from . import ranges
 from .errors import UsageError, unknown
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -115,7 +116,16 @@ def grouped(function: Callable[..., Any], given: Mapping[str, Any]) -> dict[str,
 
 
 def call(function: Callable[..., Any], *args: Any, **options: Any) -> Any:
-    """Calls a function with its options flat, as `bind` and the command line give them."""
+    """Calls a function with its options flat, as `bind` and the command line give them.
+
+    Raises UsageError for a number out of its range.
+    """
+    known = parameters(function)
+    for name in options.keys() & known:
+        for annotated in choices(known[name].annotation):
+            kind, limits = ranges.split(annotated)
+            if limits is not None and options[name] is not None:
+                ranges.number(options[name], kind, limits, f"{name}: ")
     return function(*args, **grouped(function, options))
 
 
@@ -158,7 +168,8 @@ def bind(function: Callable[..., Any], given: Mapping[str, Any], where: str) -> 
 
 
 def choices(annotation: Any) -> tuple[Any, ...]:
-    """The types of an annotation: (int, NoneType) for int | None, literal values for Literal."""
+    """The types of an annotation: (int, NoneType) for int | None, with their ranges where they
+    have some; see `ranges.split`."""
     if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is typing.Union:
         return typing.get_args(annotation)
     return (annotation,)
@@ -168,7 +179,10 @@ def _convert(value: Any, parameter: inspect.Parameter, where: str) -> Any:
     kinds = choices(parameter.annotation)
     if value is None and type(None) in kinds:
         return None
-    for kind in kinds:
+    for annotated in kinds:
+        kind, limits = ranges.split(annotated)
+        if limits is not None:
+            return ranges.number(value, kind, limits, f"{where}: ")
         if typing.get_origin(kind) is typing.Literal and value in typing.get_args(kind):
             return value
         if kind in (str, int, float, bool) and type(value) is kind:

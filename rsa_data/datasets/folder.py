@@ -4,11 +4,14 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.ranges import Amount, PositiveAmount
 from . import left_out
 from .cameras import UNKNOWN, Camera, read_matrix
 from .dataset import Dataset
@@ -37,13 +40,13 @@ def folder(
     images: str | None = None,
     depth: str | None = None,
     depth_unit: str | None = None,
-    depth_within: float | None = None,
+    depth_within: Amount | None = None,
     intrinsics: str | None = None,
-    test_share: float = 0.0,
+    test_share: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0,
     test_list: Path | None = None,
     file_list: Path | None = None,
-    min_depth: float = 1e-3,
-    max_depth: float = 80.0,
+    min_depth: PositiveAmount = 1e-3,
+    max_depth: PositiveAmount = 80.0,
 ) -> Dataset:
     """Any images below a folder; train/, val/ and test/ in it are splits when they are there.
 
@@ -73,15 +76,11 @@ def folder(
             "folder: depth and depth_unit go together: the name of the folders with depth, and one "
             f"of the units {', '.join(UNITS)} or m/N, N steps a metre; no unit is ever guessed"
         )
-    if depth_within is not None and (depth is None or not 0 <= depth_within < float("inf")):
-        raise UsageError(
-            f"folder: depth_within: expected 0 or more, with depth, found {depth_within}"
-        )
-    if not 0 <= test_share < 1:
-        raise UsageError(f"folder: test_share: expected 0 up to 1, found {test_share}")
+    if depth_within is not None and depth is None:
+        raise UsageError("folder: depth_within goes together with depth")
     if test_share and test_list:
         raise UsageError("folder: expected test_share or test_list, found both")
-    if not 0 < min_depth < max_depth:
+    if min_depth >= max_depth:
         raise UsageError(
             f"folder: expected 0 < min_depth < max_depth, found {min_depth} and {max_depth}"
         )

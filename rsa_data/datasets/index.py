@@ -12,7 +12,9 @@ import pyarrow as pa
 
 from .. import registry
 from ..common import options as option_binding
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError
+from ..common.forms import found, is_path
+from ..common.ranges import Positive
 from ..store import schemas
 from ..store.table_names import check_dataset_name
 from ..store.tables import Description, Made, Table, WorkDir, fingerprint
@@ -37,9 +39,6 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     sizes = {k: v for k, v in given.items() if k.replace("-", "_") in known}
     sizes = option_binding.bind(_part_sizes, sizes, f"dataset {builder}")
     given = {k: v for k, v in given.items() if k.replace("-", "_") not in known}
-    for option, value in sizes.items():
-        if value < 1:
-            raise UsageError(f"dataset {builder}: {option}: expected 1 or more, found {value}")
     bound = option_binding.bind(build, given, f"dataset {builder}")
     plain = {
         k: v if isinstance(v, (int, float, bool, type(None))) else str(v) for k, v in bound.items()
@@ -51,7 +50,7 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     }
 
 
-def _part_sizes(*, part_size: int = 2000, test_part_size: int = 100) -> None:
+def _part_sizes(*, part_size: Positive = 2000, test_part_size: Positive = 100) -> None:
     """Options that every dataset has.
 
     Parameters
@@ -79,7 +78,13 @@ def find_root(work: WorkDir, name: str, given: Path | None = None) -> Path | Non
     if wanted is not None:
         return wanted
     if (last := work.store.read(f"{name}/root.txt")) is not None:
-        root = open_root(last.decode())
+        text = last.decode("utf-8", "replace")
+        if not (text.isprintable() and (is_path(text) or "://" in text)):
+            raise RsaDataError(
+                f"{work.store.location}/{name}/root.txt: expected where the dataset's files lie; "
+                f"found {found(text)}. Give --root PLACE"
+            )
+        root = open_root(text)
         if is_remote(root) or root.is_dir():
             return root
     return Path("data") / name if (Path("data") / name).is_dir() else None

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import pyarrow as pa
 
@@ -162,10 +163,19 @@ def entries(folder: Path) -> tuple[list[str], list[str]]:
         there = os.scandir(folder) if isinstance(folder, Path) else folder.iterdir()
         for entry in there:
             if not entry.name.startswith("."):
-                found[entry.is_dir()].append(entry.name)
+                found[_is_folder(entry)].append(entry.name)
     except OSError as error:
         raise RsaDataError(f"{folder}: cannot be listed: {error.strerror}") from error
     return sorted(found[0]), sorted(found[1])
+
+
+def _is_folder(entry: Any) -> bool:
+    try:
+        return bool(entry.is_dir())
+    except OSError:
+        if isinstance(entry, os.DirEntry):
+            return False  # a link to itself: reading it fails as a file, a row of its own
+        raise
 
 
 def is_image(name: str) -> bool:

@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from ..common.errors import RsaDataError
 from ..common.forms import is_path
+from ..common.ranges import PositiveAmount
 from . import parquet_rows
 from .cameras import UNKNOWN, from_numbers
 from .dataset import Dataset, Shards
@@ -43,8 +44,8 @@ def parquet(
     id: str | None = None,
     intrinsics: str | None = None,
     file_list: Path | None = None,
-    min_depth: float = 1e-3,
-    max_depth: float = 80.0,
+    min_depth: PositiveAmount = 1e-3,
+    max_depth: PositiveAmount = 80.0,
 ) -> Dataset:
     """Parquet files with images in a column, as on the Hugging Face hub; a part is a file.
 

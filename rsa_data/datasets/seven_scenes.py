@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError
+from ..common.ranges import Count
 from .cameras import Camera, read_matrix
 from .dataset import Dataset
 from .depth_files import png16
@@ -19,7 +20,7 @@ CAMERA: Camera = (585.0, 585.0, 320.0, 240.0)
 _FRAME = re.compile(r"(frame-\d+)\.color\.(?:png|jpg)")
 
 
-def seven_scenes(*, test_last: int = 0) -> Dataset:
+def seven_scenes(*, test_last: Count = 0) -> Dataset:
     """7-Scenes: frame-N.color.png with frame-N.depth.png in mm, 1,000 frames a sequence.
 
     Parameters
@@ -27,8 +28,6 @@ def seven_scenes(*, test_last: int = 0) -> Dataset:
     test_last : frames at the end of each sequence that are the test split, where no TrainSplit.txt
         and TestSplit.txt stand beside the sequences.
     """
-    if test_last < 0:
-        raise UsageError(f"7scenes: test_last: expected 0 or more frames, found {test_last}")
     return Dataset(
         name="7scenes",
         index=partial(_index, test_last),

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError
+from ..common.ranges import Positive
 from .cameras import UNKNOWN, read_matrix
 from .dataset import Dataset
 from .depth_files import png16
@@ -31,7 +32,7 @@ _FRAME = 33_400
 _NAME = re.compile(r"\d+-(\d+)\.\w+")
 
 
-def sun3d(*, every: int = 1, test_list: Path | None = None) -> Dataset:
+def sun3d(*, every: Positive = 1, test_list: Path | None = None) -> Dataset:
     """SUN3D: video of 415 indoor sequences; all train, but those of a list.
 
     Parameters
@@ -39,8 +40,6 @@ def sun3d(*, every: int = 1, test_list: Path | None = None) -> Dataset:
     every : take the first of so many frames; 30 is one a second.
     test_list : file of sequences to test on, such as hotel_umd/maryland_hotel3, one a line.
     """
-    if every < 1:
-        raise UsageError(f"sun3d: every: expected 1 or more, found {every}")
     return Dataset(
         name="sun3d",
         index=partial(_index, every, test_list),

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.ranges import PositiveAmount
 from . import tar_members, zip_members
 from .dataset import Dataset, Shards
 from .depth_files import UNITS, any_file
@@ -45,8 +46,8 @@ def webdataset(
     intrinsics: str | None = None,
     keys: str = "member",
     file_list: Path | None = None,
-    min_depth: float = 1e-3,
-    max_depth: float = 80.0,
+    min_depth: PositiveAmount = 1e-3,
+    max_depth: PositiveAmount = 80.0,
 ) -> Dataset:
     """Tar shards, as WebDataset and img2dataset write them; a part is a shard, read from its front.
 
@@ -82,8 +83,8 @@ def zipped(
     intrinsics: str | None = None,
     keys: str = "member",
     file_list: Path | None = None,
-    min_depth: float = 1e-3,
-    max_depth: float = 80.0,
+    min_depth: PositiveAmount = 1e-3,
+    max_depth: PositiveAmount = 80.0,
 ) -> Dataset:
     """Zip files with images in them, as archives of datasets come; nothing is unpacked.
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 
@@ -11,6 +12,7 @@ from .. import registry
 from ..common.errors import RowError, UsageError
 from ..common.options import accepts_old_names
 from ..common.prefetch import each
+from ..common.ranges import AtOnce, Count
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from ..datasets.shapes import check_aspect
@@ -36,9 +38,9 @@ def build(
     geometry: str | None = None,
     crop: Literal["none", "kb"] = "none",
     files_hold: Literal["relative", "depth"] = "relative",
-    pixels: int = 1024,
-    seed: int = 0,
-    threads: int = 1,
+    pixels: Annotated[int, msgspec.Meta(ge=1, le=2**20)] = 1024,
+    seed: Count = 0,
+    threads: AtOnce = 1,
 ) -> Callable[[pa.Table], pa.Table]:
     """Runs a relative-depth model, or reads its files, and pairs it with the ground truth.
 
@@ -57,8 +59,6 @@ def build(
     threads : CPU threads of the model in each worker.
     """
     name, argument = registry.DEPTH_MODELS.split(depth_model)
-    if not 1 <= pixels <= 2**20:
-        raise UsageError(f"depth: pixels: expected 1 to 1,048,576, found {pixels}")
     source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, name)(
         name=name,
         argument=argument,

@@ -13,6 +13,7 @@ from .. import registry
 from ..common import progress
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import accepts_old_names
+from ..common.ranges import AtOnce
 from ..runner.stage import Notes, Reads, Stage
 from ..store import schemas
 from . import audit, runtime
@@ -35,7 +36,7 @@ def build(
     normalize: bool = False,
     runtime: Runtime = "auto",
     device: Device = "auto",
-    threads: int = 2,
+    threads: AtOnce = 2,
     audit_head: Path | None = None,
 ) -> Step:
     """Turns texts into features with a frozen text encoder.

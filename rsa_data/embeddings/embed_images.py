@@ -13,6 +13,7 @@ from ..common import progress
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.options import accepts_old_names
 from ..common.prefetch import ahead
+from ..common.ranges import AtOnce
 from ..datasets.images import read_image
 from ..datasets.roots import readers
 from ..datasets.shards import name_of
@@ -38,7 +39,7 @@ def build(
     precision: Literal["float32", "float16", "bfloat16"] = "float32",
     store: Literal["float16", "float32"] = "float16",
     device: Device = "auto",
-    threads: int = 2,
+    threads: AtOnce = 2,
 ) -> Step:
     """Turns images into features with a frozen image encoder.
 

@@ -1,8 +1,9 @@
 """The stage embed-proposals: what the detector itself saw in each object, as one row an image."""
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -18,7 +19,7 @@ Step = Callable[[pa.Table, pa.Table], pa.Table]
 def build(
     *,
     order: Literal["score", "area"] = "score",
-    most: int = 20,
+    most: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 20,
     store: Literal["float16", "float32"] = "float16",
 ) -> Step:
     """Lays the detector's features of each image's objects side by side, for the head `proposals`.

@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 
+from ..common.ranges import AtOnce, Positive
 from ..heads.belong import Tables
 from ..store.table_names import comparison_folder
 from ..store.tables import WorkDir
@@ -44,7 +45,7 @@ class Contest:
     inputs: tuple[str, ...] = ()
     subsets: tuple[str, ...] = ()
     zero_shot: tuple[str, ...] = ()
-    seeds: int | None = None
+    seeds: Positive | None = None
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,8 @@ class Recipe:
     """
 
     loss: str = "l1"
-    epochs: int = 50
-    threads: int = 2
+    epochs: Positive = 50
+    threads: AtOnce = 2
     split_scene: bool = False
     start_over: bool = False
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..common.errors import unknown
+from ..common.ranges import Count
 from .protocols import PROTOCOLS
 
 
@@ -22,7 +23,7 @@ class Measuring:
     protocol: str = "rsa"
     split: str = "test"
     beyond: Literal["far", "near"] = "far"
-    draws: int = 1000
+    draws: Count = 1000
 
     def __post_init__(self) -> None:
         if self.protocol not in PROTOCOLS:

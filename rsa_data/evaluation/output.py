@@ -23,6 +23,8 @@ from .options import Measuring
 from .summary import Row
 
 RECORD = "_evaluation.json"
+_METRICS = "metrics.parquet"
+_MARK = {b"record": RECORD.encode()}
 
 
 class Record(msgspec.Struct, kw_only=True, frozen=True):
@@ -58,9 +60,11 @@ class Summary:
 
 
 def to_parquet(table: pa.Table) -> bytes:
-    """A metrics table as a file."""
+    """A metrics table as a file, which says that a record belongs beside it."""
     buffer = io.BytesIO()
-    pq.write_table(table, buffer)
+    pq.write_table(
+        table.replace_schema_metadata({**(table.schema.metadata or {}), **_MARK}), buffer
+    )
     return buffer.getvalue()
 
 
@@ -143,8 +147,7 @@ def _wrong(work: WorkDir, folder: str) -> list[str]:
     except RsaDataError as error:
         return [f"{error}. Run the evaluation again"]
     if found is None:
-        # Version 0.1 wrote no record; half an evaluation has none either.
-        return []
+        return _without_record(work, folder)
     lines = []
     for name, digest in found.files.items():
         content = work.store.read(f"{folder}/{name}")
@@ -159,6 +162,24 @@ def _wrong(work: WorkDir, folder: str) -> list[str]:
         if now[name] != digest
     ]
     return lines
+
+
+def _without_record(work: WorkDir, folder: str) -> list[str]:
+    """Version 0.1 wrote no record, and its metrics do not say that there is one."""
+    metrics = work.store.read(f"{folder}/{_METRICS}")
+    if metrics is not None:
+        try:
+            about = pq.read_schema(pa.BufferReader(metrics)).metadata or {}
+        except (pa.ArrowException, OSError):
+            about = _MARK
+        if not _MARK.items() <= about.items():
+            return []
+    elif not work.store.list(folder):
+        return []
+    return [
+        f"{folder}: expected {RECORD}; found none: it was deleted, or the evaluation was cut "
+        "short. Run it again"
+    ]
 
 
 def _state(work: WorkDir, name: str) -> str:

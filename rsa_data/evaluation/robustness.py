@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from ..common.errors import UsageError
 from ..common.options import accepts_old_names
+from ..common.ranges import Count
 from ..heads import belong
 from ..heads.belong import Source, Tables
 from ..heads.inputs.kinds import Feed
@@ -66,7 +67,7 @@ def robustness(
     head: str = "head",
     datasets: tuple[str, ...] = (),
     encoder_weights: Path | None = None,
-    seed: int = 0,
+    seed: Count = 0,
     measuring: Measuring = Measuring(),
 ) -> Evaluation:
     """Measures a head on the same images with descriptions that are wrong or poor.

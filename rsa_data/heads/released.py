@@ -5,6 +5,7 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..common import bounded
 from ..common.errors import RsaDataError
 from .description import FORMAT, MAX_BYTES, DepthModel, Description, Features, Imported
 
@@ -25,6 +26,8 @@ _MEASURES = [
 ]
 # What the released heads read.
 ENCODER = "clip-rn50"
+# Numbers of a text feature of CLIP RN50, which all released heads read.
+_DIM = 1024
 _PREFIX = "best_eval_measures_"
 
 
@@ -48,6 +51,11 @@ def read_released(path: Path) -> "tuple[dict[str, torch.Tensor], Description]":
     import torch
 
     dim = first.shape[1]
+    if dim != _DIM:
+        raise RsaDataError(
+            f"{path}: expected weights for the {_DIM:,} numbers of a feature of CLIP RN50; found "
+            f"scene_feat_net.0.weight for {dim:,}"
+        )
     description = Description(
         format=FORMAT,
         architecture={"name": "mlp5" if "scene_feat_net.8.weight" in weights else "mlp3"},
@@ -72,6 +80,7 @@ def _read(path: Path) -> dict[str, Any]:
         "file, or a broken one"
     )
     try:
+        bounded.check_file(path)  # a pipe would be waited for
         if (size := path.stat().st_size) > MAX_BYTES:
             raise RsaDataError(
                 f"{path}: expected a released head of at most {MAX_BYTES:,} bytes; found {size:,}"

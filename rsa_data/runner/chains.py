@@ -104,7 +104,10 @@ def stage(
 
     upstream : the table that is read besides samples, for stages and options that read one.
     """
-    return _run(jobs.job(work, configured, dataset, root=root, upstream=upstream), how)
+    job = jobs.job(
+        work, configured, dataset, root=root, upstream=upstream, start_over=how.start_over
+    )
+    return _run(job, how)
 
 
 def _run(job: Job, how: RunOptions) -> Summary:
@@ -223,10 +226,13 @@ def known_datasets(work: WorkDir, wanted: tuple[str, ...]) -> list[str]:
 def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
     """Does the parts with failed rows again, in the order data flows, and what came from them.
 
-    Parts that were never done are left to their own command. Raises RsaDataError when a table was
-    made by options that cannot be found again, or a part stays undone.
+    Parts that were never done are left to their own command. A table that cannot be done again
+    holds up no other: all are tried. Raises RsaDataError in the end when a table was made by
+    options that cannot be found again, a part stays undone, or every row of a table still fails.
     """
-    order = stages.names()
+    if how.start_over:
+        raise UsageError("retry-failed keeps what is good: leave out --start-over")
+    order, failures = stages.names(), list[RsaDataError]()
     for dataset in datasets:
         made = {
             name: work.table(dataset, name).description().stage for name in work.tables(dataset)
@@ -236,5 +242,12 @@ def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
             table = work.table(dataset, name)
             failed = any(r.failed for r in table.receipts(table.parts()))
             if failed or outdated(work, table):
-                again = RunOptions(how.bar, how.report, engine=how.engine, redo_failed=True)
-                _run(jobs.job_of(work, dataset, name), again)
+                try:
+                    _run(jobs.job_of(work, dataset, name), replace(how, redo_failed=True))
+                except RsaDataError as error:
+                    failures.append(error)
+    if len(failures) == 1:
+        raise failures[0]
+    if failures:
+        said = "\n".join(str(error) for error in failures)
+        raise RsaDataError(f"{len(failures)} tables could not be done again:\n{said}")

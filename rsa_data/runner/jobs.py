@@ -47,10 +47,12 @@ def job(
     *,
     root: Path | None = None,
     upstream: str | None = None,
+    start_over: bool = False,
 ) -> Job:
     """The job of a stage over a dataset; names are checked, nothing is loaded.
 
     upstream : the table that the stage reads besides samples, if these options read one.
+    start_over : the table that is there will go, so that its options settle nothing.
     """
     stage, read = configured.stage, upstream and upstream.partition("/")[2]
     if stage.reads is None or upstream is None:
@@ -61,11 +63,12 @@ def job(
     _check_free(stage, label)
     output = f"{stage.folder.format(label=read)}/{label}"
     place = index.find_root(work, dataset, root)
+    there = None if start_over else _options_of(work.table(dataset, output))
     return Job(
         work=work.store.location,
         dataset=dataset,
         stage=stage.name,
-        options=stage.settle(configured.options, _options_of(work.table(dataset, output))),
+        options=stage.settle(configured.options, there),
         inputs=inputs,
         output=output,
         root=str(place) if place else None,

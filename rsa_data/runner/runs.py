@@ -44,11 +44,11 @@ def run(
     """
     begun = time.monotonic()
     work, output = WorkDir(job.work), job.table(job.output)
-    if start_over:
-        output.start_over()
     numbers = select(work, job.dataset, split, part_range)
     need_inputs(job, numbers)
     description = fingerprints.describe(job)
+    if start_over:  # not before the call is known to make sense
+        output.start_over()
     output.bind(description)
     jobs.remember(job)
     left = fingerprints.pending(job, description, numbers)

@@ -11,6 +11,7 @@ from ..common import class_names, names_files
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.prefetch import each
+from ..common.ranges import Share
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from . import coco_json, coco_masks, crowds, frames, partners
@@ -27,7 +28,7 @@ def build(
     root: Path | None,
     images: Sequence[str] | None = None,
     names: str | None = None,
-    score_threshold: float | None = None,
+    score_threshold: Share | None = None,
     masks: bool = False,
     crowd: Literal["omit", "stuff"] = "omit",
     **_: Any,

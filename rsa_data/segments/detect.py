@@ -12,6 +12,7 @@ from ..common import options
 from ..common.cards import read_card
 from ..common.errors import UsageError
 from ..common.onnx_sessions import Device
+from ..common.ranges import AtOnce, Positive, Share
 from ..datasets.dataset import Dataset
 from ..datasets.images import MAX_PIXELS
 from ..runner.stage import Notes, Stage
@@ -32,14 +33,14 @@ def build(
     segmenter_weights: Path | None = None,
     card: Path | None = None,
     names: str | None = None,
-    score_threshold: float | None = None,
+    score_threshold: Share | None = None,
     masks: bool = False,
     crowd: Literal["omit", "stuff"] = "omit",
     features: str | None = None,
-    threads: int = 2,
-    batch: int = 1,
+    threads: AtOnce = 2,
+    batch: Positive = 1,
     device: Device = "auto",
-    max_pixels: int = MAX_PIXELS,
+    max_pixels: Positive = MAX_PIXELS,
 ) -> Step:
     """Detects objects, or imports segments that exist already.
 

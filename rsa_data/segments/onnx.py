@@ -14,6 +14,7 @@ from ..common.model_files import local_file
 from ..common.onnx_sessions import Device, open_session
 from ..common.prefetch import ahead, settled
 from ..common.progress import advance
+from ..common.ranges import AtOnce, Positive, Share
 from ..datasets import images
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
@@ -38,13 +39,13 @@ def build(
     segmenter_weights: Path | None = None,
     card: Path | None = None,
     names: str | None = None,
-    score_threshold: float | None = None,
+    score_threshold: Share | None = None,
     masks: bool = False,
     features: str | None = None,
-    threads: int = 2,
-    batch: int = 1,
+    threads: AtOnce = 2,
+    batch: Positive = 1,
     device: Device = "auto",
-    max_pixels: int = images.MAX_PIXELS,
+    max_pixels: Positive = images.MAX_PIXELS,
 ) -> Callable[[pa.Table], pa.Table]:
     """A detector of your own (ONNX), its family recognised: --segmenter-weights FILE.
 

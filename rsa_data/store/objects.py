@@ -5,7 +5,7 @@ A file is one PUT, and a conditional PUT where only the first may win.
 
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import pyarrow as pa
@@ -13,6 +13,7 @@ import pyarrow as pa
 from ..common import bounded
 from ..common.errors import RowError, RsaDataError, TransientError
 from ..common.extras import extras
+from .bucket_listing import listed
 from .failpoints import failpoint
 from .object_clients import TRIES as TRIES
 from .object_clients import open_client
@@ -126,13 +127,7 @@ class ObjectStore:
 
     def list(self, folder: str) -> list[str]:
         below = folder.strip("/")
-
-        def names() -> Sequence[str]:
-            found = self.store.list_with_delimiter(below or None)
-            folders = [prefix + "/" for prefix in found["common_prefixes"]]
-            return [*(entry["path"] for entry in found["objects"]), *folders]
-
-        found = self._ask("list", folder, names)
+        found = self._ask("list", folder, lambda: listed(self.store, below))
         start = len(below) + 1 if below else 0
         return sorted(name for path in found if (name := path[start:]) and name[0] != ".")
 

@@ -232,7 +232,10 @@ def test_model_and_prompt_decide_what_the_texts_are(root, fake, tmp_path):
     [
         ({}, "needs --endpoint"),
         ({"endpoint": "localhost:1"}, "expected http"),
-        ({"endpoint": "http://127.0.0.1:9", "concurrency": 0}, "concurrency: expected 1"),
+        (
+            {"endpoint": "http://127.0.0.1:9", "concurrency": 0},
+            "concurrency: expected a whole",
+        ),
         ({"endpoint": "http://127.0.0.1:9", "prompt": Path("none.txt")}, "--prompt none.txt"),
     ],
 )

@@ -8,7 +8,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from rsa_data.common import bounded, http
-from rsa_data.common.errors import RowError, TransientError
+from rsa_data.common.errors import RowError, RsaDataError, TransientError
+from rsa_data.common.model_files import download
 from rsa_data.common.requests import Asking, ask
 
 
@@ -158,3 +159,28 @@ def test_a_key_is_not_sent_to_another_origin(serve):
 def test_addresses_that_are_none(address):
     assert not http.is_address(address)
     assert "u:p" not in http.hidden(address)
+
+
+@pytest.mark.parametrize(
+    ("path", "limits", "match"),
+    [
+        ("/drip", "download=1s", "no whole answer within 1 s"),
+        ("/endless", "model=1MB", "at most 1,"),
+    ],
+)
+def test_a_download_ends(serve, path, limits, match, monkeypatch, tmp_path):
+    monkeypatch.setenv(bounded.VARIABLE, limits)
+    address, _ = serve()
+    begun = time.monotonic()
+    with pytest.raises((OSError, RsaDataError), match=match):
+        download(address + path, tmp_path / "model.onnx")
+    assert time.monotonic() - begun < 4
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_deadline_counts_over_redirects(serve):
+    address, _ = serve()
+    begun = time.monotonic()
+    with pytest.raises(TimeoutError), http.deadline(0.5):
+        http.client(address, tries=1).request("GET", f"{address}/to{address}/drip")
+    assert time.monotonic() - begun < 3

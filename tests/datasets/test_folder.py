@@ -4,6 +4,7 @@ import pytest
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.datasets.folder import folder
+from rsa_data.datasets.index import open_dataset
 from rsa_data.store import schemas
 
 
@@ -117,8 +118,11 @@ WRONG_OPTIONS = {
     "depth without unit": ({"depth": "depth"}, "no unit is ever guessed"),
     "unknown unit": ({"depth": "d", "depth_unit": "inch"}, "expected m, cm, mm or m/N"),
     "no steps": ({"depth": "d", "depth_unit": "m/0"}, "expected m, cm, mm or m/N"),
-    "distance without depth": ({"depth_within": 0.1}, "depth_within: expected 0 or more, with"),
-    "share of all": ({"test_share": 1.0}, "test_share: expected 0 up to 1, found 1.0"),
+    "distance without depth": ({"depth_within": 0.1}, "depth_within goes together with depth"),
+    "share of all": (
+        {"test_share": 1.0},
+        "expected a number, 0 or more, less than 1; found 1.0",
+    ),
     "two ways to hold out": ({"test_share": 0.1, "test_list": "x"}, "found both"),
     "empty range": ({"min_depth": 2.0, "max_depth": 1.0}, "expected 0 < min_depth < max_depth"),
 }
@@ -127,7 +131,7 @@ WRONG_OPTIONS = {
 @pytest.mark.parametrize(("options", "reason"), WRONG_OPTIONS.values(), ids=WRONG_OPTIONS)
 def test_options_that_make_no_sense(options, reason):
     with pytest.raises(UsageError) as caught:
-        folder(**options)
+        open_dataset("folder:own", options)
     assert reason in str(caught.value)
 
 

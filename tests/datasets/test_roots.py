@@ -369,3 +369,11 @@ def test_a_dataset_that_is_made_needs_a_folder(tmp_path):
 
 def test_a_root_far_away_is_read_by_more_threads(tmp_path):
     assert readers(tmp_path) == 2 and readers(open_root("https://example.org/x")) == 16
+
+
+@pytest.mark.parametrize("text", [b"/x\x1b[31m\n/y", b"/tmp/\0x", b"/a" * 5000, b"/\xff\n", b""])
+def test_a_damaged_note_of_the_root_is_refused(tmp_path, text):
+    work = WorkDir(tmp_path)
+    work.store.write("own/root.txt", text)
+    with pytest.raises(RsaDataError, match=r"own/root\.txt: expected where .* Give --root PLACE"):
+        index.find_root(work, "own")

@@ -6,6 +6,7 @@ import pytest
 
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.datasets.folder import folder
+from rsa_data.datasets.index import open_dataset
 from rsa_data.datasets.sun3d import sun3d
 from rsa_data.datasets.sunrgbd import sunrgbd
 from rsa_data.store import schemas
@@ -165,8 +166,8 @@ def test_sun3d_test_list(video):
     write(video, "test.txt", "hotel_umd/maryland\n")
     with pytest.raises(RsaDataError, match=r"test.txt line 1: expected a sequence below"):
         sun3d(test_list=video / "test.txt").index(video, None)
-    with pytest.raises(UsageError, match="every: expected 1 or more, found 0"):
-        sun3d(every=0)
+    with pytest.raises(UsageError, match="every: expected a whole number, 1 or more; found 0"):
+        open_dataset("sun3d", {"every": 0})
 
 
 OTHERS = {

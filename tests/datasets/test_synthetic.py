@@ -18,6 +18,7 @@ from scipy.stats import linregress, spearmanr
 
 import rsa_data.datasets.synthetic
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.datasets.index import open_dataset
 from rsa_data.datasets.synthetic.builder import categories
 from rsa_data.datasets.synthetic.dataset import synthetic_indoor, synthetic_street
 from rsa_data.datasets.synthetic.relative import FACTOR
@@ -252,7 +253,7 @@ def test_scenes_of_another_recipe_and_folders_of_others_are_refused(written, tmp
 )
 def test_options_out_of_range_are_refused(options):
     with pytest.raises(UsageError, match=f"synthetic-street: {next(iter(options))}: expected"):
-        synthetic_street(**options)
+        open_dataset("synthetic-street", options)
 
 
 def test_no_kind_of_room_or_street_is_told_by_a_name(written):

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from flat import evaluate
 
@@ -63,6 +64,7 @@ DAMAGE = {
     "no training": delete(f"{HEAD}/_table.json"),
     "a bit of the metrics": flip(f"{HEAD}/evaluation/rsa/metrics.parquet"),
     "no summary": delete(f"{HEAD}/evaluation/rsa/summary.csv"),
+    "no record": delete(f"{HEAD}/evaluation/rsa/_evaluation.json"),
     "a cut record": cut(f"{HEAD}/evaluation/rsa/_evaluation.json"),
 }
 
@@ -73,6 +75,16 @@ def test_damage_to_heads_is_noticed(work, kind):
     assert problems(work) == []
     DAMAGE[kind](Path(work.store.location))
     assert problems(work)
+
+
+def test_an_evaluation_of_version_0_1_has_no_record(work):
+    evaluate(work)
+    place = Path(work.store.location) / HEAD / "evaluation" / "rsa"
+    (place / "_evaluation.json").unlink()
+    # As version 0.1 wrote it: without the note that a record belongs beside it.
+    metrics = pq.read_table(place / "metrics.parquet").replace_schema_metadata(None)
+    pq.write_table(metrics, place / "metrics.parquet")
+    assert problems(work) == []
 
 
 def test_an_edited_head_is_not_loaded(work):

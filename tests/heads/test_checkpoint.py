@@ -1,6 +1,7 @@
 """Heads on disk and in use: architectures, released checkpoints, metric depth."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -186,9 +187,10 @@ def test_the_released_depth_anything_head_knows_rooms_from_streets(shared):
         (b"not a checkpoint", "another kind of file, or a broken one"),
         ({"optimizer": 1}, "expected a checkpoint with the entry 'model'"),
         ({"model": {"a": torch.zeros(1)}}, "expected weights such as scene_feat_net.0.weight"),
-        ({"model": {"scene_feat_net.0.weight": torch.zeros(4, 4)}}, "expected the weights of mlp3"),
+        ({"model": {"scene_feat_net.0.weight": torch.zeros(4, 4)}}, "1,024 numbers of a feature"),
+        ({"model": {"scene_feat_net.0.weight": torch.zeros(4, 1024)}}, "the weights of mlp3"),
     ],
-    ids=["junk", "no model", "other model", "half a model"],
+    ids=["junk", "no model", "other model", "other features", "half a model"],
 )
 def test_files_that_are_not_released_heads_are_refused(tmp_path, content, message):
     path = tmp_path / "x.pt"
@@ -196,3 +198,9 @@ def test_files_that_are_not_released_heads_are_refused(tmp_path, content, messag
     with pytest.raises(RsaDataError, match=message):
         import_head(WorkDir(tmp_path), path)
     assert not (tmp_path / "heads").exists()
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "head.pt")
+    with pytest.raises(RsaDataError, match="expected a released head"):
+        ScaleHead.load(tmp_path / "head.pt")

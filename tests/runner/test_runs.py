@@ -20,8 +20,10 @@ from PIL import Image
 
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.embeddings.runtime import native_precision
 from rsa_data.runner import (
     fingerprints,
+    jobs,
     limits,
     parts,
     plan,
@@ -331,3 +333,29 @@ def test_mended_inputs_are_taken_in_by_retry_failed(tmp_path):
     assert [getattr(segments.receipt(2), k) for k in counts] == [2, 0, 0]
     assert [getattr(captions_.receipt(2), k) for k in counts] == [2, 0, 0]
     assert call("retry-failed") == ""
+
+
+def test_start_over_with_auto_precision_chooses_again(tmp_path):
+    work = rooms.made(tmp_path, parts=1)
+    captions(work)
+    chosen = native_precision("torch", "auto")
+    other = "float32" if chosen != "float32" else "bfloat16"
+    tables = {}
+    for precision, over in ((other, False), ("auto", False), ("auto", True)):
+        options = {"encoder": "minilm", "runtime": "torch", "precision": precision}
+        job = jobs.job(
+            work, stages.bind("embed", options), "rooms", upstream="captions/occupancy",
+            start_over=over,
+        )  # fmt: skip
+        if not tables:
+            work.table("rooms", job.output).bind(fingerprints.describe(job))
+        tables[precision, over] = job.options["precision"]
+    assert list(tables.values()) == [other, other, chosen]
+
+
+def test_start_over_with_a_wrong_split_keeps_the_table(tmp_path):
+    work = rooms.made(tmp_path, parts=2)
+    captions(work)
+    with pytest.raises(RsaDataError, match="split"):
+        captions(work, start_over=True, split="nowhere")
+    assert work.table("rooms", "captions/occupancy").parts() == [0, 1]

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from ...common.errors import RsaDataError, UsageError
+from ...common.errors import RsaDataError
+from ...common.ranges import Count, Positive
 from ..dataset import Dataset
 from ..depth_files import png16
 from ..listing import Sample, to_table
@@ -15,7 +16,9 @@ from .files import Recipe
 from .scenes import INDOOR, STREET
 
 
-def synthetic_indoor(*, scenes: int = 160, test_scenes: int = 40, seed: int = 0) -> Dataset:
+def synthetic_indoor(
+    *, scenes: Positive = 160, test_scenes: Count = 40, seed: Count = 0
+) -> Dataset:
     """Rendered rooms from a bathroom to a sports hall, with true metric sizes; made on first use.
 
     Parameters
@@ -40,7 +43,9 @@ def synthetic_indoor(*, scenes: int = 160, test_scenes: int = 40, seed: int = 0)
     )
 
 
-def synthetic_street(*, scenes: int = 160, test_scenes: int = 40, seed: int = 0) -> Dataset:
+def synthetic_street(
+    *, scenes: Positive = 160, test_scenes: Count = 40, seed: Count = 0
+) -> Dataset:
     """Rendered streets from an alley to a highway, with true metric sizes; made on first use.
 
     Parameters
@@ -66,11 +71,6 @@ def synthetic_street(*, scenes: int = 160, test_scenes: int = 40, seed: int = 0)
 
 
 def _recipe(name: str, scenes: int, test_scenes: int, seed: int) -> Recipe:
-    for option, value, least in (("scenes", scenes, 1), ("test_scenes", test_scenes, 0)):
-        if value < least:
-            raise UsageError(f"{name}: {option}: expected {least} or more, found {value}")
-    if seed < 0:
-        raise UsageError(f"{name}: seed: expected 0 or more, found {seed}")
     return Recipe(name, scenes, test_scenes, seed)
 
 

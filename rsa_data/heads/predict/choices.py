@@ -2,6 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from ...common.ranges import Count
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class Hints:
 
     known: tuple[str, ...] = ()
     range: str | None = None
-    smooth: int = 0
+    smooth: Count = 0
 
     def __bool__(self) -> bool:
         return bool(self.known or self.range)
@@ -60,4 +65,4 @@ class View:
     """
 
     intrinsics: str | None = None
-    fov: float | None = None
+    fov: Annotated[float, msgspec.Meta(ge=1, le=179)] | None = None

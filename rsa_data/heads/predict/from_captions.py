@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...common import bounded
 from ..checkpoint import ScaleHead
 from ..inputs.scene import Scene
 from ..reading import Reading
@@ -54,6 +55,7 @@ def from_scenes(
     keys = [(scene.text, scene.things, id(scene.image)) for scene in scenes]
     # Each scene once: the place in a batch may change the last bit.
     distinct = dict(zip(keys, scenes, strict=True))
+    bounded.check_captions((s.text for s in distinct.values() if s.text is not None), "predict")
     wording = wording_of(head.description, style)
     orders = [[] if s.text is None else paraphrases(s.text, wording) for s in distinct.values()]
     flat = [

@@ -3,10 +3,11 @@
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
+from ...common.ranges import Amount, AtOnce, Count, Positive, PositiveAmount
 from ..belong import Source, Tables
 from ..description import DepthModel, Features
 
@@ -91,20 +92,20 @@ class Training:
 
     optimizer: Literal["adam", "adamw"] = "adam"
     schedule: Literal["cosine", "polynomial"] = "cosine"
-    lr: float = 1e-3
-    end_lr: float = 3e-5
-    warmup: float = 1.0
-    weight_decay: float = 0.0
-    clip: float = 1.0
-    epochs: int = 50
-    batch: int | None = None
+    lr: PositiveAmount = 1e-3
+    end_lr: Amount = 3e-5
+    warmup: Amount = 1.0
+    weight_decay: Amount = 0.0
+    clip: Amount = 1.0
+    epochs: Positive = 50
+    batch: Positive | None = None
     batches: Batches = "mixed"
-    pixels: int = 256
-    validation: float = 0.1
+    pixels: Positive = 256
+    validation: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.1
     split_scene: bool = False
-    patience: int = 0
+    patience: Count = 0
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
-    seed: int = 0
+    seed: Count = 0
 
     def learning_rate(self, epoch: float) -> float:
         """The rate after so many epochs, a fraction included: warm-up, then its schedule."""
@@ -127,9 +128,9 @@ class Machine:
     threads : CPU threads; they can change the last bits of the weights.
     """
 
-    memory: float = 4.0
-    checkpoint_every: float = 20.0
-    threads: int = 2
+    memory: PositiveAmount = 4.0
+    checkpoint_every: Amount = 20.0
+    threads: AtOnce = 2
 
 
 class Described(msgspec.Struct, kw_only=True, frozen=True):

@@ -37,9 +37,9 @@ def run(
     store, folder = work.store, head_folder(plan.name)
     table = work.table("heads", plan.name)
     if start_over:
+        table.start_over()  # first: another training that still runs writes no head without it
         for file in _FILES:
             store.delete(f"{folder}/{file}")
-        table.start_over()
     if table.exists():
         table.bind(plan.described)
     training = fingerprint(msgspec.to_builtins(plan.described))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from nicegui import app, events, run, ui
 
-from ...common.errors import RsaDataError, UsageError
+from ...common.errors import RsaDataError
 from ...heads.predict.prediction import Prediction
 from ..depth_files.maps import top_of
 from ..pictures.colours import depth_colours
@@ -24,8 +24,6 @@ _KINDS = {".npy": "Depth (.npy)", "-colours.png": "Colours", ".ply": "Points", "
 
 def serve(models: desk.Models, port: int, show: bool) -> None:
     """Shows the page at 127.0.0.1 until it is stopped; nobody else can reach it, see guard."""
-    if not 0 < port < 1 << 16:
-        raise UsageError(f"--port: expected 1 to 65535; found {port}")
     app.add_middleware(Guard, port=port)
     ui.run(
         lambda: Page(models).build(), host="127.0.0.1", port=port, show=show, reload=False,

@@ -11,6 +11,7 @@ from ...common import files as whole_files
 from ...common import svg
 from ...common.errors import RsaDataError, UsageError
 from ...common.html import Html, join, tag
+from ...common.ranges import Positive
 from ...common.units import size
 from ...store.tables import WorkDir
 from .features_map import meaning
@@ -33,7 +34,7 @@ def report(
     bar: Callable[[str, int], Any] | None = None,
     *,
     out: Path = Path("report.html"),
-    samples: int = 48,
+    samples: Positive = 48,
     head: str | None = None,
 ) -> Report:
     """Writes one HTML file that shows what a work dir holds; it needs no server and no network.
@@ -46,8 +47,6 @@ def report(
     samples : about how many samples the gallery shows, over all datasets.
     head : whose predictions the gallery shows; by default one trained on the dataset shown.
     """
-    if samples < 1:
-        raise UsageError(f"report: samples: expected 1 or more, found {samples}")
     if not work.datasets():
         raise RsaDataError(
             f"{work.store.location}: no dataset there yet. Begin with "
