@@ -100,7 +100,7 @@ class Training:
     epochs: Positive = 50
     batch: Positive | None = None
     batches: Batches = "mixed"
-    pixels: Positive = 256
+    pixels: Count = 256
     validation: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.1
     split_scene: bool = False
     patience: Count = 0
