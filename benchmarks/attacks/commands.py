@@ -95,7 +95,6 @@ CAPTIONS = (
     "--seed 1e400",
     "--replace nan",
     "--insert -1",
-    "--max-tokens 0",
     "--max-tokens -5",
     "--style bogus",
     "--style vlm",
@@ -108,6 +107,7 @@ CAPTIONS = (
     "--style vlm:x --endpoint http://127.0.0.1:1 --prices x",
 )
 
+# Not --pixels 0 and, above, --max-tokens 0, which say "all pixels" and "no limit".
 TRAIN = (
     "--epochs 0",
     "--epochs -1",
@@ -116,7 +116,6 @@ TRAIN = (
     "--lr inf",
     "--batch 0",
     "--batch -1",
-    "--pixels 0",
     "--validation nan",
     "--validation 2",
     "--validation -1",
