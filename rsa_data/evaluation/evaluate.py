@@ -1,6 +1,5 @@
 """`evaluate`: a head on the test splits, beside what bounds it and what it must beat."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,7 @@ from .regions import region_methods
 from .rows import measure
 from .setting import parts_of, rules_of, split_of, tables_of, with_split
 from .sizes import by_object_sizes, has_sizes
-from .summary import Row, summarise
+from .summary import Row, no_better, summarise
 
 if TYPE_CHECKING:
     from ..heads.description import Description
@@ -183,14 +182,8 @@ def notes(
         errors = {row.method: row.mean["abs_rel"] for row in own if row.mean}
         if not own[0].mean:
             said.append(f"{name}: nothing could be measured: see error in metrics.parquet.")
-        elif (
-            min(errors.get("constant", math.inf), errors.get("constant (L1)", math.inf))
-            <= (own[0].mean["abs_rel"])
-        ):
-            said.append(
-                f"{name}: {own[0].method} does not beat a constant scale and shift in AbsRel: its "
-                "captions told it nothing that helps here."
-            )
+        elif sentence := no_better(name, errors, own[0].method):
+            said.append(sentence)
         failed = {row.method: row.failed for row in own if row.failed}
         if failed and len(set(failed.values())) == 1 and len(failed) == len(own):
             said.append(f"{name}: {own[0].failed} images failed: see error in metrics.parquet.")

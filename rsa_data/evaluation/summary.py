@@ -1,5 +1,6 @@
 """Means over images, with intervals that know that frames of one scene are not independent."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +53,17 @@ def summarise(table: pa.Table, draws: int = 1000, seed: int = 0) -> list[Row]:
             )
         )
     return rows
+
+
+def no_better(dataset: str, errors: Mapping[str, float], method: str) -> str | None:
+    """A sentence where a head's AbsRel is not below a constant's; errors : AbsRel by method."""
+    constants = [errors[name] for name in ("constant", "constant (L1)") if name in errors]
+    if method not in errors or not constants or min(constants) > errors[method]:
+        return None
+    return (
+        f"{dataset}: {method} does not beat a constant scale and shift in AbsRel: what it reads "
+        "told it nothing that helps here."
+    )
 
 
 def interval(

@@ -117,5 +117,8 @@ def _head(work: WorkDir) -> None:
     csv += (
         f'abs_rel_high\nrooms,"{EVIL.replace(chr(34), chr(34) * 2)}",4,0,2,.9,.1,.3,.1,9,.08,.2\n'
     )
+    csv += (
+        "roads,head small,4,0,2,.5,.4,.9,.2,19,.3,.5\nroads,constant,4,0,2,.5,.3,.9,.2,19,.2,.4\n"
+    )
     for folder in ("heads/small/evaluation", "heads/small/robustness", "comparisons"):
         work.store.write(f"{folder}/rsa/summary.csv", csv.encode())

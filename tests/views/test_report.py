@@ -60,6 +60,17 @@ def test_has_every_section_and_says_what_failed(page):
     assert "paper: rooms: the paper reports nothing on folder" in words
 
 
+def test_training_images_show_the_pixels_that_were_drawn(page):
+    drawn = [a["alt"] for a in page.all("img") if a["alt"].startswith("Relative depth (across)")]
+    assert len(drawn) == 8 and all("of 64 pixels" in alt for alt in drawn)
+
+
+def test_a_head_that_beats_no_constant_is_named(page):
+    words = " ".join(page.words)
+    assert "roads: head small does not beat a constant scale and shift in AbsRel" in words
+    assert words.count("does not beat a constant") == 1 + 1  # evaluation and robustness
+
+
 def test_texts_of_data_are_shown_and_never_run(page):
     assert len(page.all("script")) == 1
     assert report_work.EVIL in " ".join(page.words)

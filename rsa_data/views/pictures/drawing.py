@@ -82,3 +82,38 @@ def bar(
         # The outermost labels stay within the bar's ends, so that rows do not run into each other.
         anchor = "ls" if k == 0 else "la" if k == len(labels) - 1 else "lm"
         draw.text((x + 19, level), label, INK, font(13), anchor)
+
+
+def scatter(
+    x: np.ndarray,
+    y: np.ndarray,
+    colours: np.ndarray,
+    line: tuple[float, float] | None = None,
+    size: tuple[int, int] = (260, 195),
+) -> np.ndarray:
+    """Points (n,), (n,) in colours (n, 3), and the line y = line[0] * x + line[1]: uint8 RGB.
+
+    The axes go from the 1st to the 99th percentile, with some room; points beyond are left out.
+    """
+    from PIL import Image, ImageDraw
+
+    width, height = size
+    image = Image.new("RGB", (2 * width, 2 * height), PAPER)
+    draw = ImageDraw.Draw(image)
+
+    def place(values: np.ndarray, of: np.ndarray, length: int) -> np.ndarray:
+        low, high = np.percentile(of, [1, 99])
+        room = 0.08 * max(high - low, 1e-9)
+        placed: np.ndarray = (values - low + room) / (high - low + 2 * room) * 2 * length
+        return placed
+
+    across, up = place(x, x, width), 2 * height - place(y, y, height)
+    if line is not None:
+        ends = np.array([x.min(), x.max()])
+        heights = 2 * height - place(line[0] * ends + line[1], y, height)
+        corners = zip(place(ends, x, width).tolist(), heights.tolist(), strict=True)
+        draw.line(list(corners), SOFT, 3)
+    for u, v, (r, g, b) in zip(across.tolist(), up.tolist(), colours.tolist(), strict=True):
+        draw.ellipse((u - 3, v - 3, u + 3, v + 3), (r, g, b))
+    draw.rectangle((0, 0, 2 * width - 1, 2 * height - 1), outline=SOFT)
+    return resized(np.asarray(image), width, height)

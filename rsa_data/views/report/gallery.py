@@ -15,6 +15,7 @@ from ...datasets.images import read_image
 from ...segments.segments import Segments
 from ...store.tables import WorkDir
 from ..pictures.colours import depth_colours, error_colours, round_up
+from ..pictures.drawing import scatter
 from ..pictures.pictures import draw_segments
 from .samples import Sample, choose
 
@@ -49,8 +50,9 @@ def gallery(
         "section",
         tag("h2", "Samples"),
         tag("p", f"{len(cards):,} samples, evenly over the parts, failed ones before others. Depth "
-            "is shown where whole maps are stored, as for test splits. Truth and prediction of a "
-            "sample have one scale of colours; errors are prediction - truth."),
+            "is shown where whole maps are stored, as for test splits; of training images the "
+            "pixels that were drawn are shown, their relative depth against 1 / depth. Truth and "
+            "prediction of a sample have one scale of colours; errors are prediction - truth."),
         _filters(samples),
         tag("p", f"{len(cards)} of {len(cards)} samples shown", id="shown", role="status"),
         tag("div", cards, class_="cards"),
@@ -162,6 +164,8 @@ def _masks(segments: Segments) -> list[np.ndarray] | None:
 
 def _maps(sample: Sample) -> list[Html]:
     truth = sample.truth
+    if sample.points is not None:
+        return _points(sample, sample.points)
     if truth is None or not (truth > 0).any():
         return []
     valid = truth > 0
@@ -191,6 +195,22 @@ def _maps(sample: Sample) -> list[Html]:
         )
     )
     return found  # fmt: skip
+
+
+def _points(sample: Sample, points: np.ndarray) -> list[Html]:
+    """Pixels that were drawn for training: relative depth against 1 / depth, and the own fit."""
+    y, metric = points[np.isfinite(points).all(1) & (points[:, 1] > 0)].T
+    if not len(y):
+        return []
+    top = round_up(float(np.percentile(metric, 98)))
+    pixels = scatter(y, 1 / metric, depth_colours(metric[None], top)[0], sample.fit)
+    low, high = np.percentile(metric, [2, 98])
+    alt = (
+        f"Relative depth (across) against 1 / depth (up) of {len(y):,} pixels, mostly {low:.2g} to "
+        f"{high:.2g} m" + (", with the line of the image's own fit" if sample.fit else "")
+    )
+    return [_map(pixels, alt, f"{len(y):,} sampled pixels: y against 1 / depth", "depth",
+                 ("0", f"{top:g} m"))]  # fmt: skip
 
 
 def _map(pixels: np.ndarray, alt: str, name: str, ramp: str, ends: tuple[str, str]) -> Html:

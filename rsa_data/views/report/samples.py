@@ -30,6 +30,8 @@ class Sample:
 
     where : folder of the dataset's files, or None. failures : `table: reason`.
     relative, truth, predicted : float32 (h, w), y and m, only where whole maps are stored.
+    points : float32 (k, 2), y and m, of pixels that were drawn, where these are stored instead.
+    fit : the image's own scale and shift.
     """
 
     row: dict[str, Any]
@@ -40,6 +42,8 @@ class Sample:
     relative: np.ndarray | None = None
     truth: np.ndarray | None = None
     predicted: np.ndarray | None = None
+    points: np.ndarray | None = None
+    fit: tuple[float, float] | None = None
     scale: float | None = None
     shift: float | None = None
     head: str | None = None
@@ -223,7 +227,13 @@ def _add_depth(found: list[dict[str, Any]], samples: list[Sample]) -> None:
     rows = {row["sample_id"]: row for row in found}
     for s in samples:
         row = rows.get(s.row["sample_id"])
-        if not row or row["status"] != "ok" or row["kind"] != "map":
+        if not row or row["status"] != "ok":
+            continue
+        if row["fit_scale"] is not None and row["fit_shift"] is not None:
+            s.fit = row["fit_scale"], row["fit_shift"]
+        if row["kind"] != "map":
+            drawn = [np.frombuffer(row[name], "<f2") for name in ("relative", "metric")]
+            s.points = np.stack(drawn, 1).astype(np.float32)
             continue
         shape = row["height"], row["width"]
         y = s.relative = np.frombuffer(row["relative"], "<f2").reshape(shape).astype(np.float32)

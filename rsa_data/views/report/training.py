@@ -16,6 +16,7 @@ from ...evaluation.metrics import metrics
 from ...evaluation.options import Measuring
 from ...evaluation.paper import paper_rows
 from ...evaluation.setting import split_of
+from ...evaluation.summary import no_better
 from ...store.tables import WorkDir
 from . import plots
 from .lineage import head_description, head_names
@@ -111,8 +112,19 @@ def _evaluations(work: WorkDir, name: str) -> list[Html]:
             protocol = folder.rstrip("/")
             rows = _rows(work, f"heads/{name}/{kind}/{protocol}")
             theirs, said = _paper(work, name, protocol, rows) if kind == "evaluation" else ([], [])
+            said = [*_no_better(rows), *said]
             found += _measured(f"Head {name} {what}, protocol {protocol}", rows, theirs, said)
     return found
+
+
+def _no_better(rows: list[dict[str, str]]) -> list[str]:
+    """A sentence for each dataset on which the head, whose row is the first, beats no constant."""
+    errors: dict[str, dict[str, float]] = {}
+    for row in rows:
+        if row.get("abs_rel"):
+            errors.setdefault(row["dataset"], {})[row["method"]] = float(row["abs_rel"])
+    found = [no_better(name, own, next(iter(own))) for name, own in errors.items()]
+    return [sentence for sentence in found if sentence]
 
 
 def _comparisons(work: WorkDir) -> list[Html]:
