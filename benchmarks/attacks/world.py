@@ -13,6 +13,7 @@ from types import TracebackType
 _PRELOADED = (
     "rsa_data.cli.tables",
     "rsa_data.cli.heads",
+    "rsa_data.cli.predict",
     "rsa_data.cli.look",
     "rsa_data.cli.report",
     "rsa_data.cli.export",

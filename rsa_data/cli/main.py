@@ -31,7 +31,7 @@ COMMANDS = {
         "rsa_data.cli.heads:train_head",
         "Train a head that predicts scale and shift from a caption's embedding.",
     ),
-    "evaluate": ("rsa_data.cli.heads:evaluate", "Measure a head on the test splits."),
+    "evaluate": ("rsa_data.cli.studies:evaluate", "Measure a head on the test splits."),
     "robustness": (
         "rsa_data.cli.studies:robustness",
         "Measure a head with wrong or poor descriptions.",
@@ -40,7 +40,7 @@ COMMANDS = {
         "rsa_data.cli.studies:compare",
         "Train and measure heads on text, other inputs and controls.",
     ),
-    "predict": ("rsa_data.cli.heads:predict", "Predict metric depth of photos or captions."),
+    "predict": ("rsa_data.cli.predict:predict", "Predict metric depth of photos or captions."),
     "import-head": (
         "rsa_data.cli.heads:import_head",
         "Turn a released RSA checkpoint (.pt) into a head of the work dir.",

@@ -1,4 +1,4 @@
-"""Commands that study heads: robustness, compare."""
+"""Commands that measure heads: evaluate, robustness, compare."""
 
 from typing import Any
 
@@ -6,11 +6,29 @@ import click
 
 from ..common.options import call
 from ..evaluation.compare import compare as compare_function
+from ..evaluation.evaluate import evaluate as evaluate_function
 from ..evaluation.robustness import robustness as robustness_function
 from ..store.tables import WorkDir
 from . import console
+from .heads import use
 from .options import click_options
-from .shared import work_option
+from .shared import say_next, work_option
+
+
+@click.command()
+@work_option
+@click_options(evaluate_function)
+def evaluate(work: str, **options: Any) -> None:
+    """Measure a head on the test splits.
+
+    Oracles and constants are measured beside it.
+
+    \b
+      rsa-data evaluate --head nyu
+    """
+    result = call(evaluate_function, WorkDir(work), bar=console.bar, **options)
+    click.echo(result.summary)
+    say_next(WorkDir(work), use(WorkDir(work), options["head"]))
 
 
 @click.command()

@@ -1,0 +1,64 @@
+"""The command predict. On its own, since it must answer soon: it imports no training."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..common.errors import RsaDataError, UsageError
+from ..common.options import call, parameters
+from ..heads.predict.predict import predict as predict_function
+from ..store.tables import WorkDir
+from ..views.depth_files.write import Outputs, Writer, check
+from .options import click_options
+from .shared import work_option
+
+
+def _files(*, outputs: Outputs = Outputs()) -> Outputs:
+    return outputs
+
+
+@click.command()
+@work_option
+@click.argument("photos", nargs=-1, type=click.Path(path_type=Path), metavar="[PHOTO]...")
+@click.option("--image", "images", multiple=True, type=click.Path(path_type=Path), hidden=True)
+@click_options(predict_function)
+@click_options(_files)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON list and nothing else.")
+def predict(
+    work: str, photos: tuple[Path, ...], images: tuple[Path, ...], as_json: bool, **options: Any
+) -> None:
+    """Predict metric depth of photos or captions.
+
+    PHOTO is an image, a folder of images or a video. For each photo: scale and shift, the caption,
+    nearest, median and farthest depth, and the objects with their share of the image and their
+    distance. Without a head, known distances give the metres.
+
+    \b
+      rsa-data predict room.jpg --head rsa-depth-anything --out room.png --colours --ply
+      rsa-data predict room.jpg --known 320,240,2.5 --known 80,400,1.2 --glb
+      rsa-data predict --head nyu --caption "a small bathroom with a sink"
+    """
+    writer = Writer(call(_files, **{name: options.pop(name) for name in parameters(_files)}))
+    places, said, failed = [*photos, *images], [], 0
+    check(writer.outputs, several=len(places) > 1)
+    for found in call(predict_function, WorkDir(work), places, **options):
+        try:
+            writer.write(found)
+        except RsaDataError as error:
+            if isinstance(error, UsageError):
+                raise
+            found.error = str(error)
+        failed += bool(found.error)
+        if as_json:
+            said.append(found.plain())
+        else:
+            for line in found.lines:
+                click.echo(line, err=bool(found.error))
+        found.depth = found.image = None
+    if as_json:
+        click.echo(json.dumps(said, indent=2, ensure_ascii=False))
+    if failed:
+        several = "" if failed == 1 else "s"
+        raise RsaDataError(f"{failed:,} photo{several} could not be processed")
