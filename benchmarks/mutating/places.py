@@ -106,7 +106,8 @@ def of_file(tree: Path, file: str):
                 row, column = begin
                 first, last, function = statements.around(row)
                 changed = code.splitlines()
-                after = changed[row - 1].strip() if len(changed) == len(lines) else "(see operator)"
+                same = len(changed) == len(lines)
+                after = changed[row - 1].strip() if same else f"(gone) {lines[row].strip()}"
                 return Mutant(file, function, name.removeprefix("core/"), lines[row - 1].strip(),
                               after, row, column, first, last, code)  # fmt: skip
 
