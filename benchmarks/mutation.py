@@ -30,10 +30,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
-# Test files that are measured: those of the rooms, and of the modules that they stand on.
+# Test files that are measured: those of the rooms, of the modules that they stand on, and of what
+# reads and writes through the store.
 TESTS = ("tests/captions", "tests/depth", "tests/evaluation", "tests/heads", "tests/segments",
-         "tests/store", "tests/datasets/test_datasets.py",
-         "tests/datasets/test_nyuv2_labeled.py")  # fmt: skip
+         "tests/store", "tests/datasets/test_datasets.py", "tests/datasets/test_nyuv2_labeled.py",
+         "tests/datasets/test_roots.py", "tests/datasets/test_far_shards.py",
+         "tests/runner/test_runs.py")  # fmt: skip
 CONTROLS = 12
 BUDGET = 40.0  # seconds of normal time that the tests of one mutant may take
 RESULTS = ROOT / "benchmarks" / "results"
