@@ -1,10 +1,14 @@
 """Fixtures that more than one test file uses."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from weather import Weather, weather_before
+
+# As the command line has it: threads that wait sleep, whoever else wants the cores.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 @pytest.fixture(scope="session")
