@@ -112,11 +112,23 @@ def test_formats_say_what_schemas_say():
     assert all(f"| {c} |" in generator().formats() for c in schemas.schema("samples").names)
 
 
-def test_pages_of_the_code_have_every_command_and_benchmark():
-    made = generator()
-    assert re.findall(r"^## (\S+)", made.commands(), re.MULTILINE) == list(cli.list_commands(None))
+def test_page_of_the_commands_has_every_one():
+    made = generator().commands()
+    assert re.findall(r"^## (\S+)", made, re.MULTILINE) == list(cli.list_commands(None))
+
+
+def test_performance_is_what_benchmarks_left():
+    made, page = generator(), (ROOT / "docs" / "performance.md").read_text("utf-8")
+    assert page == made.performance(), "run python docs/generate.py"
     scripts = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py"))
-    assert re.findall(r"^## (\S+)", made.performance(), re.MULTILINE) == scripts
+    with_tables = re.findall(r"^## (\S+)$", page, re.MULTILINE)
+    without = re.findall(r"^\| `benchmarks/(\S+)\.py` \|", page, re.MULTILINE)
+    assert sorted([*with_tables, *without]) == scripts
+    for file in (ROOT / "benchmarks" / "results").glob("*.json"):
+        for title, table in made.tables_of(file).items():
+            section = page.partition(f"### {title}\n")[2].partition("\n#")[0]
+            assert section.count("\n| ") == len(table["rows"]) + 1
+            assert all(str(value) in section for value in (table["date"], table["machine"]))
 
 
 @pytest.mark.slow

@@ -67,9 +67,16 @@ def machine() -> str:
     flags = {"avx512_bf16", "bf16", "avx512f"} & set(cpu_type().split())
     extras = f" ({', '.join(sorted(flags))})" if flags else ""
     return (
-        f"{names[0] if names else platform.machine()}{extras}, {os.cpu_count()} cores, no GPU, "
+        f"{names[0] if names else platform.machine()}{extras}, {os.cpu_count()} cores, {gpu()}, "
         f"load {os.getloadavg()[0]:.0f} at the end"
     )
+
+
+def gpu() -> str:
+    """The name of the GPU that torch finds, or that there is none."""
+    import torch
+
+    return torch.cuda.get_device_name() if torch.cuda.is_available() else "no GPU"
 
 
 def commit() -> str:
