@@ -88,7 +88,7 @@ STYLES = Entries(
         "intrinsics": "rsa_data.captions.wordings.intrinsics:intrinsics",
         "release": "rsa_data.captions.wordings.release:release",
         "release-text": "rsa_data.captions.natural:release_text",
-        "import": "rsa_data.captions.natural:import_texts",
+        "import": "rsa_data.captions.imports:import_texts",
         "member": "rsa_data.captions.members:member",
         "vlm": "rsa_data.captions.vlm:vlm",
     },

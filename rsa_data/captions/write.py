@@ -11,10 +11,11 @@ from .. import registry
 from ..common.errors import UsageError
 from ..common.options import call, grouped, parameters
 from ..runner.stage import Notes, Reads, Stage
-from . import members, natural, summary, vlm
+from . import imports, members, natural, summary, vlm
 from .blocks import composer
 from .caption_table import caption_table
 from .compose import Recipe
+from .imports import Catalogue, unused
 from .options import Augmentation, Contents, WrongObjects
 from .vlm import Asked
 from .wordings.wording import Wording
@@ -31,6 +32,7 @@ def build(
     wrong: WrongObjects = WrongObjects(),
     server: Asked = Asked(),
     root: Path | None = None,
+    catalogue: Callable[[], Catalogue] | None = None,
 ) -> Callable[..., pa.Table]:
     """Captions of each image: one plain, the others augmented by swap and delete.
 
@@ -38,13 +40,16 @@ def build(
     ----------
     style : how an object is worded, or texts to import as NAME:PATH; see `rsa-data list styles`.
     root : where the images lie, for the styles vlm and member; the runner knows it.
+    catalogue : gives sample_id and image of every sample of the dataset, so that no imported text
+        belongs to two; the runner knows it.
     """
     target, argument = _resolve(style)
     counter = registry.build("tokenizer", registry.TOKENIZERS, contents.tokenizer)
     if isinstance(target, _LOOKING):
         return target.step(argument, server, counter, root)
     if not isinstance(target, Wording):
-        return natural.step(style, target(argument), counter)
+        found = target(argument)
+        return natural.step(style, found, counter, catalogue and catalogue())
     if contents.group and target.group is False:
         raise UsageError(
             f"captions: the style {style!r} describes each object by itself. Leave out --group, or "
@@ -80,7 +85,8 @@ def identity(*, style: str = "occupancy", tokenizer: str = "clip", **others: Any
     """What the texts follow from beside options and files: version of the wording, vocabulary."""
     target, argument = _resolve(style)
     counter = registry.build("tokenizer", registry.TOKENIZERS, tokenizer)
-    version = target.version if isinstance(target, Wording) else natural.VERSION
+    version = imports.VERSION if target is imports.import_texts else natural.VERSION
+    version = target.version if isinstance(target, Wording) else version
     found = {"style_version": str(version), "tokenizer": counter.fingerprint}
     if isinstance(target, _LOOKING):
         found["style_version"] = str(target.version)
@@ -88,7 +94,12 @@ def identity(*, style: str = "occupancy", tokenizer: str = "clip", **others: Any
     return found
 
 
-def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> list[str]:
+def notes(
+    captions: Iterable[pa.Table],
+    *inputs: pa.Table,
+    catalogue: Callable[[], Catalogue] | None = None,
+    **options: Any,
+) -> list[str]:
     """What a person should know after a run, in sentences.
 
     captions : parts of the table, at least with the columns of `summary.COLUMNS`. inputs : one part
@@ -103,7 +114,10 @@ def notes(captions: Iterable[pa.Table], *inputs: pa.Table, **options: Any) -> li
         lines = summary.failed_lines(parts) + summary.import_lines(parts, counter)
         return (vlm.cost_lines(parts, bound["prices"]) if style is vlm.vlm else []) + lines
     if not needs_segments(bound["style"]):
-        return summary.import_lines(captions, counter)
+        importer, argument = _resolve(bound["style"])
+        assert not isinstance(importer, (Wording, *_LOOKING))
+        lines = unused(importer(argument), catalogue and catalogue())
+        return lines + summary.import_lines(captions, counter)
     asked = bound["max_tokens"]
     found = summary.kept(captions)
     lines = summary.budget_lines(found, counter.max_tokens if asked is None else asked)

@@ -77,6 +77,12 @@ def local_file(card: Card, given: Path | None = None, option: str | None = "--we
     raise MissingFile(card, own, option, None)
 
 
+def with_data(name: str, path: Path) -> dict[str, Path]:
+    """An ONNX file under a name, and what it leaves out: the usual names of Hugging Face, torch."""
+    outside = {suffix: path.with_name(path.name + suffix) for suffix in ("_data", ".data")}
+    return {name: path} | {f"{name}{s}": data for s, data in outside.items() if data.is_file()}
+
+
 def found(card: Card) -> Path | None:
     """The model's file if it is on this machine, unchecked; nothing is downloaded."""
     own = cached_path(card)

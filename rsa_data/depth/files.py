@@ -25,13 +25,7 @@ def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) 
     """
 
     def source(image: str, folder: Path, name: str) -> Relative:
-        found = read(folder, str(Path(name).with_suffix("")), holds)
-        size = None
-        with contextlib.suppress(RowError):  # the maps are read also where the images are not there
-            size = image_size(root / image) if root is not None else None
-        if size is not None:
-            check_aspect(found.y.shape, size, f"relative depth of {name_of(image)}")
-        return replace(found, image=size)
+        return of_image(read(folder, str(Path(name).with_suffix("")), holds), root, image)
 
     if argument:
         return lambda image: source(image, Path(argument), name_of(image))
@@ -42,6 +36,19 @@ def build(*, argument: str, dataset: Dataset, root: Path, holds: str, **_: Any) 
             "folder that holds it: --depth-model files:DIR"
         )
     return lambda image: source(image, root, of_dataset(name_of(image)))
+
+
+def of_image(found: Relative, root: Path | None, image: str) -> Relative:
+    """The relative depth of a file, with its image's size where `root / image` can be read.
+
+    Raises RowError for a map that has not the aspect of its image.
+    """
+    size = None
+    with contextlib.suppress(RowError):  # the maps are read also where the images are not there
+        size = image_size(root / image) if root is not None else None
+    if size is not None:
+        check_aspect(found.y.shape, size, f"relative depth of {name_of(image)}")
+    return replace(found, image=size)
 
 
 def read(folder: Path, stem: str, holds: str = "relative") -> Relative:

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from .. import registry
-from ..common.errors import RowError, UsageError
+from ..common.errors import RowError
 from ..common.options import accepts_old_names
 from ..common.prefetch import each
 from ..common.ranges import AtOnce, Count
@@ -20,6 +20,7 @@ from ..datasets.shards import name_of
 from ..runner.stage import Notes, Stage
 from ..store import schemas
 from . import notes
+from .choice import check, entry, files, label
 from .fits import inverse_fit, median_scale
 from .model import Relative, Source
 from .pixels import draw
@@ -33,8 +34,9 @@ def build(
     *,
     dataset: Dataset,
     root: Path,
-    depth_model: str,
+    depth_model: str | None = None,
     depth_weights: Path | None = None,
+    card: Path | None = None,
     geometry: str | None = None,
     crop: Literal["none", "kb"] = "none",
     files_hold: Literal["relative", "depth"] = "relative",
@@ -47,8 +49,10 @@ def build(
     Parameters
     ----------
     depth_model : a model of `rsa-data list depth-models`, files:DIR, or files for those that the
-        dataset brings. DIR holds DIR/IMAGE.npy or .png for each IMAGE.jpg below the root.
+        dataset brings. DIR holds DIR/IMAGE.npy or .png for each IMAGE.jpg below the root. With a
+        model card of your own, any name that its table shall have.
     depth_weights : file of the model's weights, instead of the download.
+    card : model card (TOML) of a model of your own.
     geometry : WIDTHxHEIGHT in px that images are resized to for the model, whatever their shape,
         instead of the model's own way. Part of what a head is trained for: y moves with it.
     crop : what is cut from the image before the model sees it; kb is KITTI's 352x1216 at the
@@ -58,13 +62,15 @@ def build(
     seed : another seed draws other pixels.
     threads : CPU threads of the model in each worker.
     """
-    name, argument = registry.DEPTH_MODELS.split(depth_model)
-    source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, name)(
+    check(depth_model=depth_model, card=card)
+    name, argument = registry.DEPTH_MODELS.split(depth_model or "")
+    source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, entry(name, card))(
         name=name,
         argument=argument,
         dataset=dataset,
         root=root,
         weights=depth_weights,
+        card=card,
         geometry=geometry,
         crop=crop,
         holds=files_hold,
@@ -82,31 +88,6 @@ def build(
         return schemas.from_columns("depth", {n: [row.get(n) for row in rows] for n in names})
 
     return step
-
-
-def files(
-    *, depth_model: str, depth_weights: Path | None = None, geometry: str | None = None, **_: Any
-) -> dict[str, Path]:
-    """The model file that these options read; none for depth that lies in files.
-
-    Raises UsageError for options that do not go together, before anything is begun.
-    """
-    name, argument = registry.DEPTH_MODELS.split(depth_model)
-    registry.check("depth model", registry.DEPTH_MODELS, name)
-    if not registry.DEPTH_MODELS.is_own(name):
-        registry.resolve("depth model", registry.DEPTH_MODELS, name)
-        return {} if depth_weights is None else {"model": depth_weights}
-    if name == "files":
-        if argument and not Path(argument).is_dir():
-            raise UsageError(f"depth model {depth_model}: there is no such folder")
-        return {}
-    from .onnx import fixed, model_file
-
-    if argument:
-        raise UsageError(f"depth model {name}: takes no argument, found {argument!r}")
-    if geometry is not None:
-        fixed(geometry)
-    return {"model": model_file(name, depth_weights)}
 
 
 def _row(
@@ -224,6 +205,7 @@ STAGE = Stage(
 
     \b
       rsa-data depth --dataset nyuv2 --depth-model depth-anything-v2-small
+      rsa-data depth --dataset nyuv2 --card mine.toml --depth-weights mine.onnx
     """,
     next="train-head",
     schema="depth",
@@ -231,7 +213,9 @@ STAGE = Stage(
     selector="depth_model",
     models=True,
     choices=registry.DEPTH_MODELS,
-    local=("depth_weights",),
+    label=label,
+    local=("depth_weights", "card"),
     files=files,
     notes=Notes(notes.COLUMNS, notes.write),
+    check=check,
 )

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ..common.cards import card_of
+from ..common.cards import Card
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.model_files import local_file
 from ..common.onnx_sessions import open_session
 from ..datasets import images
 from ..datasets.kitti import CROP
 from ..datasets.shards import name_of
+from .card import card_for
 from .files import inverse
 from .model import Relative, Source
 
@@ -24,17 +25,20 @@ def build(
     name: str,
     root: Path,
     weights: Path | None,
+    card: Path | None = None,
     geometry: str | None,
     crop: str,
     threads: int,
     **_: Any,
 ) -> Source:
     """A session on the model's file, and the reader of images below `root`; see measure.build."""
-    card = card_of("relative-depth", name)
-    session = open_session(model_file(name, weights), threads)
-    resize = fixed(geometry) if geometry else RESIZES[card.settings["resize"]](card.settings)
+    described = card_for(name, card)
+    settings = described.settings
+    session = open_session(local_file(described, weights, "--depth-weights"), threads)
+    resize = fixed(geometry) if geometry else RESIZES[settings["resize"]](settings)
     first = session.get_inputs()[0]
     name_in, half = first.name, first.type == "tensor(float16)"
+    wanted = _output_name(session, described)
     # Images are read side by side; the model runs on `threads` cores, as it was told.
     alone = threading.Lock()
 
@@ -45,29 +49,43 @@ def build(
             seen, part = resize(cut(image, box))
         except RowError as error:
             raise RowError(f"{name_of(path)}: {error}") from error
-        pixels = normalise(seen, card.settings)
+        pixels = normalise(seen, settings)
         if half:
             pixels = pixels.astype(np.float16)
         with alone:
-            y = answer(session, name_in, pixels, name)
-        y = inverse(y) if card.settings["output"] == "depth" else y
+            y = answer(session, name_in, pixels, name, wanted)
+        y = inverse(y) if settings["output"] == "depth" else y
         return Relative(y, inside(box, part), (image.shape[1], image.shape[0]))
 
     return source
 
 
-def model_file(name: str, weights: Path | None) -> Path:
+def _output_name(session: Any, card: Card) -> str:
+    """The output of a graph that is the map: the one that the card names, or the only one."""
+    there = [output.name for output in session.get_outputs()]
+    name: str = card.settings.get("output_name", there[0])
+    if name not in there or (len(there) > 1 and "output_name" not in card.settings):
+        raise RsaDataError(
+            f"model card {card.name}: expected output_name, one of the file's outputs "
+            f"{', '.join(there)}; found {card.settings.get('output_name', 'none')}"
+        )
+    return name
+
+
+def model_file(name: str, weights: Path | None, card: Path | None = None) -> Path:
     """The weights given, or the card's file: from the cache, downloaded and checked if need be."""
-    return local_file(card_of("relative-depth", name), weights, "--depth-weights")
+    return local_file(card_for(name, card), weights, "--depth-weights")
 
 
-def answer(session: Any, name_in: str, pixels: np.ndarray, model: str) -> np.ndarray:
+def answer(
+    session: Any, name_in: str, pixels: np.ndarray, model: str, output_name: str
+) -> np.ndarray:
     """What a session says of one image's pixels: float32 of shape (height, width).
 
     Raises RsaDataError when the file cannot be of this model: it takes or gives another shape.
     """
     try:
-        output = np.asarray(session.run(None, {name_in: pixels})[0])
+        output = np.asarray(session.run([output_name], {name_in: pixels})[0])
     # onnxruntime's errors have no common base but Exception.
     except Exception as error:
         reason = " ".join(str(error).split())[:300]

@@ -1,6 +1,7 @@
 """Running a stage on one part: load the step, read, compute, account for every row, commit."""
 
 import json
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -21,7 +22,13 @@ from .stage import Step
 def build_step(job: Job) -> Step:
     """Loads what the stage needs; called once a worker."""
     build = job.declared.build
-    known = options.parameters(build)
+    step: Step = options.call(build, **_given(job, build), **job.options)
+    return step
+
+
+def _given(job: Job, function: Callable[..., Any]) -> dict[str, Any]:
+    """Those of `stage.GIVEN` that a function takes by name."""
+    known = options.parameters(function)
     given: dict[str, Any] = {}
     if "dataset" in known:
         given["dataset"] = index.load_dataset(WorkDir(job.work), job.dataset)
@@ -29,16 +36,24 @@ def build_step(job: Job) -> Step:
         given["root"] = open_root(job.root) if job.root else None
     if "images" in known:
         given["images"] = partial(_images, job)
-    step: Step = options.call(build, **given, **job.options)
-    return step
+    if "catalogue" in known:
+        given["catalogue"] = partial(_catalogue, job)
+    return given
 
 
 def _images(job: Job) -> list[str]:
     """Paths of all images of the dataset, of every part and split, each once."""
+    return list(dict.fromkeys(image for _, image in _catalogue(job) if image is not None))
+
+
+def _catalogue(job: Job) -> list[tuple[str, str | None]]:
+    """sample_id and image of every sample of the dataset, of all parts and splits."""
     samples = job.table("samples")
-    parts = [samples.read(number, columns=["image"])["image"] for number in samples.parts()]
-    images = (image for part in parts for image in part.to_pylist() if image is not None)
-    return list(dict.fromkeys(images))
+    found: list[tuple[str, str | None]] = []
+    for number in samples.parts():
+        part = samples.read(number, columns=["sample_id", "image"])
+        found += zip(part["sample_id"].to_pylist(), part["image"].to_pylist(), strict=True)
+    return found
 
 
 def run_part(
@@ -129,4 +144,4 @@ def notes(job: Job, numbers: list[int]) -> list[str]:
     step = -(-len(numbers) // _NOTED)
     made = (job.table(job.output).read(n, columns=list(noted.columns)) for n in numbers[::step])
     inputs = [job.table(name).read(numbers[len(numbers) // 2]) for name in job.inputs]
-    return noted.write(made, *inputs, **job.options)
+    return noted.write(made, *inputs, **_given(job, noted.write), **job.options)

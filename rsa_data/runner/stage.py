@@ -21,7 +21,7 @@ Step = Callable[..., pa.Table]
 Options = dict[str, Any]
 
 # What the runner passes to a builder that has such a parameter; never an option of the user's.
-GIVEN = ("dataset", "root", "images")
+GIVEN = ("dataset", "root", "images", "catalogue")
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class Notes:
     """What a stage has to say of its output after a run.
 
     columns : of the output table that `write` looks at.
-    write : (tables with these columns, one part of each input, **options) -> sentences.
+    write : (tables with these columns, one part of each input, **options) -> sentences. It is
+        given the dataset and its root where it has keyword-only parameters of these names.
     """
 
     columns: tuple[str, ...]

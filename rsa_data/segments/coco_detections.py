@@ -12,9 +12,10 @@ from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.prefetch import each
 from ..common.ranges import Share
+from ..datasets import partners
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
-from . import coco_json, coco_masks, crowds, frames, partners
+from . import coco_json, coco_masks, crowds, frames
 from .found import Found, to_segments
 from .segments import Segments, to_table
 

@@ -7,7 +7,7 @@ from typing import Any
 from ..common import bounded, forms
 from ..common.class_names import ClassTable, clean
 from ..common.errors import RsaDataError
-from .partners import some
+from ..datasets.partners import some
 
 IMAGE = {"id": "a number or text", "file_name": "a path"}
 IMAGE |= {"width?": "a size in px", "height?": "a size in px"}

@@ -11,10 +11,11 @@ import pyarrow as pa
 from ..common.class_names import ClassTable
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import each
+from ..datasets import partners
 from ..datasets.dataset import Dataset
 from ..datasets.listing import inside
 from ..datasets.roots import readers
-from . import coco_json, crowds, maps, partners
+from . import coco_json, crowds, maps
 from .found import Found, to_segments
 from .segments import Segments, to_table
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from ..common.cards import Card, card_of, card_path, read_card
 from ..common.errors import RowError, RsaDataError, UsageError
-from ..common.model_files import local_file
+from ..common.model_files import local_file, with_data
 from ..common.onnx_sessions import Device, open_session
 from ..common.prefetch import ahead, settled
 from ..common.progress import advance
@@ -119,12 +119,9 @@ def files(
     """The model's file, which may be downloaded here, what lies outside it, and its card."""
     if name == "onnx" and card is None:
         listed = {"names": Path(names)} if names and Path(names).is_file() else {}
-        return {"model": _own_file(segmenter_weights), **listed}
+        return {**with_data("model", _own_file(segmenter_weights)), **listed}
     path = local_file(_card(name, card), segmenter_weights, "--segmenter-weights")
-    # The usual names of weights that an ONNX file leaves out: Hugging Face's, and torch's.
-    outside = {s: path.with_name(path.name + s) for s in ("_data", ".data")}
-    beside = {f"model{s}": data for s, data in outside.items() if data.is_file()}
-    return {"model": path, **beside, "card": card or card_path(name)}
+    return {**with_data("model", path), "card": card or card_path(name)}
 
 
 def _card(name: str, card: Path | None) -> Card:

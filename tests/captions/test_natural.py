@@ -137,10 +137,10 @@ def test_any_script_and_signs(tmp_path):
         ("x.json", b"3", "expected a JSON object of key and text"),
         ("x.json", b'{"a": 3}', "x.json key 'a': expected a key and a text, found 'a' and 3"),
         ("x.json", b'["a"]', "x.json entry 1: expected a key and a text"),
-        ("x.csv", b"key,caption\na,b\n", "the columns key and text; found key, caption"),
+        ("x.csv", b"key,label\na,b\n", "for its text .*; found key, label"),
         ("x.csv", b"", "found an empty file"),
-        ("x.csv", b"key,text\na\n", "x.csv line 2: expected a key and a text"),
-        ("x.txt", b"a", "a .json or .csv file or a folder of .txt files; found another file"),
+        ("x.csv", b"key,text\na\n", "x.csv line 2: expected 2 columns between ',', found 1"),
+        ("x.doc", b"a", "or a folder of .txt files; found another file"),
     ],
 )
 def test_bad_files(tmp_path, name, content, message):

@@ -11,8 +11,8 @@ import scipy.stats
 from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets.dataset import Dataset
 from rsa_data.depth import files, onnx
+from rsa_data.depth.choice import files as model_files
 from rsa_data.depth.measure import STAGE, at_size, build
-from rsa_data.depth.measure import files as model_files
 from rsa_data.depth.model import Relative
 from rsa_data.runner import stages
 from rsa_data.store import schemas
@@ -312,7 +312,7 @@ def test_a_file_of_another_model_is_refused(output, says):
             return [output]
 
     with pytest.raises(RsaDataError, match=says):
-        onnx.answer(Session(), "x", np.zeros((1, 3, 224, 224), np.float32), "tu2020")
+        onnx.answer(Session(), "x", np.zeros((1, 3, 224, 224), np.float32), "tu2020", "y")
 
 
 def test_folders_of_depth_files_are_tables_of_their_own():

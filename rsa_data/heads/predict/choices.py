@@ -23,6 +23,7 @@ class Models:
     depth_model : relative-depth model, by default that of the head; see
         `rsa-data list depth-models`.
     depth_weights : file of the depth model's weights, instead of the download.
+    depth_card : model card (TOML) of a depth model of your own.
     relative : relative depth instead of a model's: .npy or 16-bit PNG (value / 65535), or a folder
         of maps named like the photos.
     """
@@ -34,6 +35,7 @@ class Models:
     encoder_weights: Path | None = None
     depth_model: str | None = None
     depth_weights: Path | None = None
+    depth_card: Path | None = None
     relative: Path | None = None
 
 

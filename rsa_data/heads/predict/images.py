@@ -110,21 +110,23 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
     # The table may have another label than its model.
     own = (model.get("options") or {}).get("depth_model") or model.get("model")
     if not about or own is None:
-        if about and models.depth_model is None:
+        if about and models.depth_model is None and models.depth_card is None:
             raise UsageError(
                 "predict: the head does not say which depth model it was trained for: give the "
                 "photos' relative depth with --relative, or name the model with --depth-model"
             )
-        return {"name": models.depth_model or DEPTH_MODEL, "geometry": None, "crop": "none"}
+        name = models.depth_model or ("card" if models.depth_card else DEPTH_MODEL)
+        return {"name": name, "geometry": None, "crop": "none"}
     if own == "files":
         raise UsageError(
             "predict: the head's relative depth came from files: give the photos' own with "
             "--relative, from the same model at the same geometry"
         )
-    if own not in registry.DEPTH_MODELS:
+    if own not in registry.DEPTH_MODELS and models.depth_card is None:
         raise UsageError(
             f"predict: the head was trained for the depth model {own}, which cannot be run here: "
-            "give the photos' relative depth from it with --relative"
+            "give its model card with --depth-card, or the photos' relative depth from it with "
+            "--relative"
         )
     if models.depth_model not in (None, own):
         raise UsageError(
@@ -141,20 +143,23 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
     return {"name": own, "geometry": way.get("geometry"), "crop": way.get("crop") or "none"}
 
 
-def check_depth_file(about: dict[str, Any], model: str, weights: Path | None) -> None:
-    """Finds the depth model's file; RsaDataError when it is missing or is not the head's."""
+def check_depth_file(about: dict[str, Any], model: str, models: Models) -> None:
+    """Finds the depth model's files; RsaDataError when one is missing or is not the head's."""
     from ...common.digests import file_sha256
-    from ...depth import measure
+    from ...depth import choice
 
     known = about.get("depth_model") or {}
     each = [known, *(known.get("geometry") or {}).values()]
-    wanted = {str(one["files"]["model"]) for one in each if (one.get("files") or {}).get("model")}
-    path = measure.files(depth_model=model, depth_weights=weights).get("model")
-    if wanted and path is not None and (found := file_sha256(str(path))) not in wanted:
-        raise RsaDataError(
-            f"depth model {model}: the head was trained with another file: expected sha256 "
-            f"{' or '.join(sorted(wanted))}; found {found} in {path.name}"
-        )
+    paths = choice.files(
+        depth_model=model, depth_weights=models.depth_weights, card=models.depth_card
+    )
+    for name, path in paths.items():
+        wanted = {str(one["files"][name]) for one in each if (one.get("files") or {}).get(name)}
+        if wanted and (found := file_sha256(str(path))) not in wanted:
+            raise RsaDataError(
+                f"depth model {model}: the head was trained with another file: expected sha256 "
+                f"{' or '.join(sorted(wanted))}; found {found} in {path.name}"
+            )
 
 
 def relative_source(about: dict[str, Any], root: Path, models: Models) -> "Source":
@@ -164,20 +169,23 @@ def relative_source(about: dict[str, Any], root: Path, models: Models) -> "Sourc
     """
     from ... import registry
     from ...datasets.folder import folder
-    from ...depth.files import read
+    from ...depth.choice import entry
+    from ...depth.files import of_image, read
 
     relative = models.relative
     if relative is not None and relative.is_dir():
-        return lambda name: read(relative, str(Path(name).with_suffix("")))
+        return lambda name: of_image(read(relative, str(Path(name).with_suffix(""))), root, name)
     if relative is not None:
-        return lambda name: read(relative.parent, relative.stem)
+        return lambda name: of_image(read(relative.parent, relative.stem), root, name)
     options = depth_of(about, models)
-    source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, options["name"])(
+    runs = entry(options["name"], models.depth_card)
+    source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, runs)(
         **options,
         argument="",
         dataset=folder(),
         root=root,
         weights=models.depth_weights,
+        card=models.depth_card,
         holds=((about.get("depth_model") or {}).get("options") or {}).get("files_hold", "relative"),
         threads=2,
     )

@@ -34,7 +34,7 @@ def check(
         wanted.append(lambda: _vocabulary(about))
     if depth:
         model = depth_of(about, models)["name"]
-        wanted.append(lambda: check_depth_file(about, model, models.depth_weights))
+        wanted.append(lambda: check_depth_file(about, model, models))
     missing: list[RsaDataError] = [*first]
     for look in wanted:
         try:

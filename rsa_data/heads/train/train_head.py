@@ -16,7 +16,7 @@ from ..belong import Source, Tables
 from ..description import DepthModel
 from ..sources import sources as find_sources
 from .plan import Goal, Machine, Model, Parts, Plan, Training
-from .trained import Trained
+from .trained import Trained, directions
 
 
 def train_head(
@@ -98,7 +98,10 @@ def train_head(
         training=training,
         machine=machine,
     )
-    return run(work, plan, bar, start_over)
+    trained = run(work, plan, bar, start_over)
+    chosen = (plan.depth_model.options or {}).get("depth_model") or plan.depth_model.model
+    numbers = {name: found.train for name, found in parts.items()}
+    return replace(trained, directions=directions(work, sources, numbers, str(chosen)))
 
 
 def _parts(work: WorkDir, source: Source, dataset: Dataset) -> Parts:

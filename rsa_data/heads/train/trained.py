@@ -1,7 +1,14 @@
 """What a training came to, for the person who asked for it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+import pyarrow.compute as pc
+
+from ...depth.notes import wrong_way
+from ...store.tables import WorkDir
+from ..belong import Source
 from ..description import Description, Used
 
 
@@ -10,10 +17,12 @@ class Trained:
     """What a training came to.
 
     path : folder of the head. about : its head.json.
+    directions : sentences on y that runs the wrong way; see `directions`.
     """
 
     path: str
     about: Description
+    directions: tuple[str, ...] = ()
 
     @property
     def description(self) -> dict[str, object]:
@@ -41,7 +50,8 @@ class Trained:
     @property
     def warnings(self) -> list[str]:
         """What a person should know before they trust the head."""
-        found = [
+        found = [f"warning: {text}" for text in self.directions]
+        found += [
             f"warning: {name}: {_images(used.validation_images)} to validate and only "
             f"{used.images:,} to train on: whole scenes are held out, and one of them is large. "
             "Index more scenes, or images with smaller scenes"
@@ -67,3 +77,24 @@ def _images(count: int) -> str:
 
 def _lopsided(used: Used) -> bool:
     return used.validation_images > used.images
+
+
+def directions(
+    work: WorkDir, sources: list[Source], parts: Mapping[str, list[int]], depth_model: str
+) -> tuple[str, ...]:
+    """A sentence for each dataset where y grows with the distance in most images.
+
+    parts : of each dataset, those that were trained on.
+    """
+    found = []
+    for source in sources:
+        table = work.table(source.dataset, source.depth)
+        scales = [table.read(n, ["fit_scale"])["fit_scale"] for n in parts[source.dataset]]
+        values = [pc.drop_null(column).to_numpy() for column in scales]
+        negative = np.concatenate(values) < 0
+        if len(negative) and negative.mean() > 0.5:
+            found.append(
+                f"{source.dataset}: {wrong_way(float(negative.mean()), depth_model)}; "
+                "--start-over makes the table again"
+            )
+    return tuple(found)

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from ..common.errors import RowError, RsaDataError
-from ..datasets.images import SUFFIXES
-from ..datasets.shards import name_of
+from .images import SUFFIXES
+from .shards import name_of
 
 # An image_id of a file, as `number_key` gives it.
 Key = int | str
