@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -51,6 +52,8 @@ class Style:
         if not asked.endpoint:
             raise UsageError("captions: the style vlm needs --endpoint, such as "
                              "http://127.0.0.1:8000/v1")  # fmt: skip
+        if asked.prices is not None:
+            parse_prices(asked.prices)  # wrong ones are not found out after the last answer
         server = Server(asked.endpoint, prompt_of(asked.prompt), asked.rate)
         return server, server.model(argument)
 
@@ -136,6 +139,8 @@ def parse_prices(text: str) -> tuple[float, float]:
     """The two prices of --prices IN,OUT."""
     try:
         one, other = (float(number) for number in text.split(","))
-    except ValueError as error:
-        raise UsageError(f"--prices: expected IN,OUT as in 0.15,0.60; found {text!r}") from error
-    return one, other
+        if 0 <= one < math.inf and 0 <= other < math.inf:
+            return one, other
+    except ValueError:
+        pass
+    raise UsageError(f"--prices: expected IN,OUT as in 0.15,0.60; found {text!r}")

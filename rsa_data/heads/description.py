@@ -11,7 +11,7 @@ from ..common.typed import parse as parse_json
 from ..store.encoding import fingerprint
 
 # Of head.safetensors: the largest head here has 6 MB.
-MAX_BYTES = 2**30
+MAX_BYTES = 2**28
 FORMAT = 1
 
 # A size of a row of features or in an architecture: more would be a slip or an attack.

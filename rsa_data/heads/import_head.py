@@ -18,14 +18,20 @@ def import_head(
     ----------
     name : folder of the head below WORK/heads; the file's name without its ending by default.
 
-    Returns that folder and the head's description. A head that is there already is left as it is.
+    Returns that folder and the head's description. A head that is there already is left as it is;
+    raises RsaDataError when it is another one.
     """
     head = ScaleHead.load(file)
     folder = head_folder(name or file.stem)
-    if work.store.size(f"{folder}/head.json") is not None:
+    there = work.store.read(f"{folder}/head.json")
+    if there is not None and there == head.files()["head.json"]:
+        return f"{work.store.location}/{folder}", ScaleHead.load(
+            f"{work.store.location}/{folder}"
+        ).description
+    if there is not None or work.table("heads", folder.rpartition("/")[2]).exists():
         raise RsaDataError(
-            f"{work.store.location}/{folder}: there is a head of this name already; it was left "
-            "as it is. Give another --name"
+            f"{work.store.location}/{folder}: there is a head of this name already, or a training; "
+            "it was left as it is. Give another --name"
         )
     head.save(work.store, folder)
     return f"{work.store.location}/{folder}", head.description

@@ -11,18 +11,18 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..common import http
+from ..common import bounded, http
 from ..common.errors import RsaDataError, UsageError
 from ..common.files import write
 from ..common.model_files import download
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir, to_json
 from .card import model_card
+from .description import MAX_BYTES
 
 if TYPE_CHECKING:
     from .checkpoint import ScaleHead
 
-MAX_BYTES = 512_000_000
 _JSON, _CARD = "head.json", "README.md"
 
 
@@ -67,6 +67,7 @@ def from_file(path: Path) -> "ScaleHead":
     from .checkpoint import ScaleHead
 
     try:
+        bounded.check_file(path)  # a pipe would be waited for
         if (size := path.stat().st_size) > MAX_BYTES:
             raise RsaDataError(f"{path}: expected a head of at most {MAX_BYTES:,} bytes: {size:,}")
         with path.open("rb") as file:
@@ -84,10 +85,10 @@ def from_file(path: Path) -> "ScaleHead":
 
 def _from_bytes(data: bytes, where: str) -> "ScaleHead":
     from safetensors import SafetensorError
-    from safetensors.torch import load
+    from safetensors.torch import load, save
 
     from .checkpoint import ScaleHead
-    from .description import parse
+    from .description import read
 
     try:
         tensors = load(data)
@@ -99,10 +100,12 @@ def _from_bytes(data: bytes, where: str) -> "ScaleHead":
         raise RsaDataError(
             f"{where}: expected a file of `rsa-data export-head`; its metadata holds no {_JSON}"
         )
-    about = checked(parse(metadata[_JSON].encode(), where), where)
-    # The digest in it is that of head.safetensors, whose header is another one.
-    about.pop("weights", None)
-    about.pop("digest", None)
+    about = read(metadata[_JSON].encode(), where)
+    checked(about.plain(), where)
+    about.check_digest(where)
+    # The sha256 in it is that of head.safetensors, which has no metadata.
+    if about.weights and hashlib.sha256(save(tensors)).hexdigest() != about.weights:
+        raise RsaDataError(f"{where}: damaged: its weights are not those of its description")
     return ScaleHead.from_tensors(tensors, about)
 
 

@@ -2,21 +2,16 @@
 
 import contextlib
 import errno
-import fcntl
 import os
-import re
-import secrets
 import shutil
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
 
 import pyarrow as pa
 
-from ..common import bounded
+from ..common import bounded, files
 from ..common.errors import RsaDataError, TransientError
-from .failpoints import failpoint
+from ..common.failpoints import failpoint
 
 
 class LocalStore:
@@ -97,10 +92,7 @@ class LocalStore:
     def sweep(self, folder: str) -> None:
         place = self.folder / folder
         _swept.add(place)
-        with contextlib.suppress(OSError):  # tidying up must never be what ends a run
-            for file in place.iterdir():
-                if _TEMPORARY.fullmatch(file.name):
-                    _remove_if_stale(file)
+        files.sweep(place)
 
     def free(self) -> int | None:
         place = self.folder.absolute()
@@ -115,7 +107,7 @@ class LocalStore:
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.parent not in _swept:
             self.sweep(path.rpartition("/")[0])
-        file, temporary = _locked_file(target)
+        file, temporary = files.locked_file(target)
         try:
             with file:
                 failpoint("write")
@@ -143,39 +135,6 @@ _PASSING = (errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.EAGAIN, errno.EINTR,
 
 # Folders that this process has swept: once before its first write there is enough.
 _swept: set[Path] = set()
-
-_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp")
-
-
-def _locked_file(target: Path) -> tuple[BinaryIO, Path]:
-    """A new hidden file beside `target`, open and locked for as long as its writer lives.
-
-    The kernel drops the lock when the writer dies, however it dies. Names with host and process
-    numbers cannot tell that: numbers are given again, and containers share host names.
-    """
-    while True:
-        temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-        file = temporary.open("xb")
-        with contextlib.suppress(OSError):  # a file system without locks: age decides, see below
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if os.fstat(file.fileno()).st_nlink:
-            return file, temporary
-        file.close()  # swept away between the two lines above
-
-
-def _remove_if_stale(temporary: Path) -> None:
-    try:
-        with temporary.open("rb") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return  # its writer is alive
-            except OSError:
-                if time.time() - os.fstat(file.fileno()).st_mtime < 24 * 3600:
-                    return
-            temporary.unlink(missing_ok=True)
-    except FileNotFoundError:
-        return
 
 
 def _appear(temporary: Path, target: Path) -> None:

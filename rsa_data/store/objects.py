@@ -13,8 +13,8 @@ import pyarrow as pa
 from ..common import bounded
 from ..common.errors import RowError, RsaDataError, TransientError
 from ..common.extras import extras
+from ..common.failpoints import failpoint
 from .bucket_listing import listed
-from .failpoints import failpoint
 from .object_clients import TRIES as TRIES
 from .object_clients import open_client
 

@@ -18,9 +18,9 @@ from concurrent.futures import ThreadPoolExecutor
 import msgspec
 
 from ..common.errors import RowError, RsaDataError
+from ..common.failpoints import failpoint
 from ..common.prefetch import ahead
 from ..common.typed import parse
-from .failpoints import failpoint
 from .stores import Store
 from .structures import Manifest, Receipt
 

@@ -16,19 +16,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..common.errors import RsaDataError, TransientError
+from ..common.failpoints import failpoint
 from ..common.typed import parse
 from . import schemas as tables
 from .encoding import differences, encoded, short
 from .encoding import fingerprint as fingerprint
 from .encoding import to_json as to_json
-from .failpoints import failpoint
 from .receipts import LOCAL, MANIFEST, TABLE, Receipts, is_table
 from .stores import open_store
 from .structures import Description as Description
 from .structures import Made as Made
 from .structures import Receipt as Receipt
 from .structures import T
-from .table_names import check_name
+from .table_names import check_plain
 
 
 class WorkDir:
@@ -55,7 +55,7 @@ class WorkDir:
 
     def table(self, dataset: str, name: str) -> "Table":
         """One table, whether it exists yet or not. Raises UsageError for impossible names."""
-        check_name("dataset", dataset)
+        check_plain("dataset", dataset)
         return Table(self, dataset, name)
 
 

@@ -1,12 +1,12 @@
 """Export: captions, features and depth of a work dir as a dataset for other programs."""
 
 import re
-import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
 import pyarrow.parquet as pq
 
+from ..common import files
 from ..common.errors import RsaDataError, UsageError
 from ..runner import jobs
 from ..store.tables import Table, WorkDir
@@ -56,11 +56,7 @@ def export(
     chosen = {name: _chosen(work, name, embeddings, depth, pictures) for name in names}
     begun = {name: _state(c.embeddings) for name, c in chosen.items()}
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(
-            dir=out.parent, prefix=f".{out.name}.", ignore_cleanup_errors=True
-        ) as folder:
-            unfinished = Path(folder) / out.name
+        with files.appearing(out) as unfinished:
             counts = _write(chosen, unfinished, format)
             for name, tables in chosen.items():
                 if _state(tables.embeddings) != begun[name]:
@@ -68,8 +64,6 @@ def export(
                         f"{tables.embeddings}: was changed while it was exported. Run the same "
                         "command again"
                     )
-            unfinished.rename(out)
-            out.chmod(0o755)
     except OSError as error:
         raise RsaDataError(f"--out {out}: cannot be written: {error.strerror or error}") from error
     if push is not None:

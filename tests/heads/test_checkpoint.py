@@ -166,8 +166,10 @@ def test_released_heads_equal_an_independent_forward_pass(shared, tmp_path, file
     assert again.description["architecture"] == {"name": "mlp3"}
     measures = again.description["imported"]["measures"]["nyu"]
     assert measures["abs_rel"] == pytest.approx(float(content["best_eval_measures_nyu"][1]), 1e-6)
-    with pytest.raises(RsaDataError, match="there is a head of this name already"):
-        import_head(work, path, name="released")
+    assert import_head(work, path, name="released")[0] == where  # the same once more
+    (other,) = {"da_lanscale.pt", "midas_lanscale.pt"} - {file}
+    with pytest.raises(RsaDataError, match="is a head of this name already"):
+        import_head(work, path.with_name(other), name="released")
 
 
 def test_the_released_depth_anything_head_knows_rooms_from_streets(shared):

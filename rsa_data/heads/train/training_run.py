@@ -11,7 +11,7 @@ import torch
 
 from ... import registry
 from ...common.errors import RsaDataError
-from ...store.failpoints import failpoint
+from ...common.failpoints import failpoint
 from ...store.table_names import head_folder
 from ...store.tables import Description as TableDescription
 from ...store.tables import Table, WorkDir, fingerprint

@@ -9,11 +9,11 @@ _hits: dict[str, int] = {}
 def failpoint(moment: str) -> None:
     """Kills this process when RSA_DATA_FAILPOINT names this moment (`rename`, or `rename:3`).
 
-    With a number the third time counts, so that a test can reach a later part. Nothing else
-    happens here.
+    With a number the third time counts, so that a test can reach a later part; `any:3` is the
+    third moment of whatever name. Nothing else happens here.
     """
     wanted, _, nth = os.environ.get("RSA_DATA_FAILPOINT", "").partition(":")
-    if wanted == moment:
-        _hits[moment] = _hits.get(moment, 0) + 1
-        if _hits[moment] == int(nth or 1):
+    if wanted in (moment, "any"):
+        _hits[wanted] = _hits.get(wanted, 0) + 1
+        if _hits[wanted] == int(nth or 1):
             os.kill(os.getpid(), signal.SIGKILL)
