@@ -133,8 +133,8 @@ _WHOLE: dict[str, Callable[[dict[str, Any]], object]] = {
 
 def attacks(world: World) -> Iterator[Attack]:
     found, whole = (
-        (*DETECT, "--source", "coco-detections:a.json"),
-        (*DETECT, "--source", "coco-panoptic:a.json:a"),
+        (*DETECT, "--segments", "coco-detections:a.json"),
+        (*DETECT, "--segments", "coco-panoptic:a.json:a"),
     )
     yield Attack(
         "control: detections",
@@ -271,7 +271,7 @@ def _panoptic(words: tuple[str, ...]) -> Iterator[Attack]:
 
 
 def _label_maps() -> Iterator[Attack]:
-    words = (*DETECT, "--source", "labels:maps", "--names", "names.txt")
+    words = (*DETECT, "--segments", "labels:maps", "--names", "names.txt")
     good = "wall\nbed\nchair\n"
     yield Attack(
         "control: label maps",
@@ -346,7 +346,7 @@ def _label_maps() -> Iterator[Attack]:
             lambda b, f=file: (labels(b, lambda p: None), os.mkfifo(b / f)),
             may=REFUSED,
         )
-    release = (*DETECT, "--source", "rsa-release:texts")
+    release = (*DETECT, "--segments", "rsa-release:texts")
     texts = {
         "nan": "bed nan\n",
         "inf": "bed inf\n",

@@ -247,7 +247,7 @@ def attacks(world: World) -> Iterator[Attack]:
         "retry-failed --dataset nowhere",
         "embed --encoder bogus",
         "embed --encoder hf:../../x",
-        "embed --weights nowhere",
+        "embed --encoder-weights nowhere",
         "embed --dataset ../x",
         "depth --dataset synthetic-indoor --depth-model bogus",
         "predict --head head --image nowhere.png",
@@ -255,7 +255,7 @@ def attacks(world: World) -> Iterator[Attack]:
         "predict --head head --caption x --known 1,1,1",
         "show synthetic-indoor/../x",
         "detect --dataset bogus",
-        "detect --dataset synthetic-indoor --source bogus",
+        "detect --dataset synthetic-indoor --segments bogus",
     ):
         placed = () if words.split()[0] in ("bogus", "--bogus", "list") else ("--work", "work")
         yield Attack(words, (*words.split(), *placed), lambda b: world.copy(b), mistakes=True)

@@ -4,6 +4,7 @@ import io
 import json
 import os
 import pickle
+import shutil
 import struct
 import zipfile
 from collections.abc import Callable, Iterator
@@ -221,6 +222,50 @@ def _descriptions() -> Iterator[tuple[str, Callable[[dict[str, Any]], object]]]:
     yield "an encoder of a folder", lambda d: d["features"].update(encoder="hf:../../evil")
 
 
+def _exported() -> Iterator[tuple[str, Callable[[Path], object]]]:
+    """Changes of a file of export-head; see `_tensors` for others."""
+
+    def header(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], object]:
+        """Changes what the metadata says of the head."""
+
+        def write(path: Path) -> None:
+            data = path.read_bytes()
+            size = struct.unpack("<Q", data[:8])[0]
+            content = json.loads(data[8 : 8 + size])
+            about = json.loads(content["__metadata__"]["head.json"])
+            change(about)
+            content["__metadata__"]["head.json"] = json.dumps(about)
+            text = json.dumps(content).encode()
+            path.write_bytes(struct.pack("<Q", len(text)) + text + data[8 + size :])
+
+        return write
+
+    def whole(text: str) -> Callable[[Path], object]:
+        def write(path: Path) -> None:
+            data = path.read_bytes()
+            size = struct.unpack("<Q", data[:8])[0]
+            content = json.loads(data[8 : 8 + size])
+            content["__metadata__"]["head.json"] = text
+            made = json.dumps(content).encode()
+            path.write_bytes(struct.pack("<Q", len(made)) + made + data[8 + size :])
+
+        return write
+
+    for name, change in _descriptions():
+        yield name, header(change)
+    yield "nested deep", whole("[" * 100_000)
+    yield "nothing", whole("")
+    yield "control characters", whole('{"\x1b[31m": "\\u001b[2J"}')
+    yield "5,000 digits", whole('{"format": ' + "9" * 5000 + "}")
+    yield "a pipe", lambda p: (p.unlink(), os.mkfifo(p))
+    yield "sparse, 20 GB", lambda p: os.truncate(p, 20 << 30)
+    yield "sparse, 300 MB", lambda p: os.truncate(p, 300 << 20)
+    yield "cut", lambda p: p.write_bytes(p.read_bytes()[:-100])
+    yield "a folder", lambda p: (p.unlink(), p.mkdir())
+    for share in (0.001, 0.3, 0.5, 0.7, 0.99):
+        yield f"bit at {share}", lambda p, s=share: flip(p, s, 3)
+
+
 def attacks(world: World) -> Iterator[Attack]:
     control = ("import-head", "head.pt", "--work", "work")
     yield Attack("control: predict", PREDICT, lambda box: world.copy(box), may=ACCEPTED)
@@ -263,6 +308,22 @@ def attacks(world: World) -> Iterator[Attack]:
             PREDICT,
             lambda box, c=change: (
                 edit(world.copy(box) / "heads/head/head.json", c),
+                (box / "evil.py").write_text("open('owned', 'w')\nEvil = 1\n"),
+            ),
+            check=lambda box, said: "it ran code" if (box / "owned").exists() else None,
+        )
+    head = ("predict", "--work", "none", "--head", "h.safetensors", "--caption", "a bed")
+
+    def exported(box: Path) -> Path:
+        return Path(shutil.copy(world.base / "exported.safetensors", box / "h.safetensors"))
+
+    yield Attack("control: exported", head, exported, may=ACCEPTED)
+    for name, make in _exported():
+        yield Attack(
+            f"exported: {name}",
+            head,
+            lambda box, m=make: (
+                m(exported(box)),
                 (box / "evil.py").write_text("open('owned', 'w')\nEvil = 1\n"),
             ),
             check=lambda box, said: "it ran code" if (box / "owned").exists() else None,

@@ -57,7 +57,7 @@ def attacks(world: World) -> Iterator[Attack]:
         "in",
         "--depth-model",
         "tu2020",
-        "--weights",
+        "--depth-weights",
         "m.onnx",
         "--dataset-option",
         "depth=depth",

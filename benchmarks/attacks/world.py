@@ -36,7 +36,7 @@ test_scenes = 4
 part_size = 10
 test_part_size = 4
 [detect]
-source = "coco-panoptic"
+segments = "coco-panoptic"
 [captions]
 variants = 2
 [embed]
@@ -70,6 +70,7 @@ class World:
         self.base.mkdir()
         (self.base / "small.toml").write_text(_PIPELINE)
         self._run("run", "small.toml", "--root", "synthetic-indoor=scenes", "--work", "work")
+        self._run("export-head", "head", "exported.safetensors", "--work", "work")
         self.seen = self.place / "seen.jsonl"
         self.seen.touch()
         self.servers = subprocess.Popen(

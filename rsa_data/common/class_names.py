@@ -127,7 +127,7 @@ def parse(spec: dict[str, Any], where: str) -> ClassTable:
         raise RsaDataError(
             f'{where}: expected names = ["a", ...] or a table of number = name; found {names!r}'
         )
-    forms.check(list(numbers.values()), ["text"], f"{where}: names")
+    forms.check(list(numbers.values()), ["a name of at most 1,000 letters"], f"{where}: names")
     things = spec.get("things", "all")
     if things == "all":
         countable = frozenset(numbers)

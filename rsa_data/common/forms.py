@@ -57,6 +57,7 @@ KINDS: dict[str, Callable[[Any], bool]] = {
     "text or two sides in px": lambda v: is_text(v) or _two_sides(v),
     "true or false": lambda v: isinstance(v, bool),
     "text": is_text,
+    "a name of at most 1,000 letters": lambda v: is_text(v) and len(v) <= 1000,
     "a path": lambda v: is_text(v) and is_path(v),
     "a path that stays below": lambda v: (
         is_text(v) and is_path(v) and not v.startswith("/") and ".." not in v.split("/")

@@ -11,7 +11,7 @@ from ..datasets.partners import some
 
 IMAGE = {"id": "a number or text", "file_name": "a path"}
 IMAGE |= {"width?": "a size in px", "height?": "a size in px"}
-CATEGORY = {"id": "a whole number", "name": "text"}
+CATEGORY = {"id": "a whole number", "name": "a name of at most 1,000 letters"}
 PANOPTIC = {"image_id": "a number or text", "file_name": "a path", "segments_info": "a list"}
 SEGMENT = {"id": "a whole number", "category_id": "a whole number", "area?": "a number"}
 RESULT = {"image_id": "a number or text", "category_id": "a whole number", "score?": "a number"}
