@@ -90,7 +90,7 @@ COMMANDS = (
 # An export is never written over: what a kill after its very end left is refused, and stays.
 _ONCE = ("export --format",)
 
-_PRELOADED = (
+PRELOADED = (
     "rsa_data.cli.main",
     "rsa_data.heads.train.train_head",
     "rsa_data.evaluation.evaluate",
@@ -270,7 +270,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     os.environ["TOKENIZERS_PARALLELISM"] = "false"
-    for name in _PRELOADED:
+    for name in PRELOADED:
         import_module(name)
     base = Path(tempfile.mkdtemp(prefix="rsa-data-crash-"))
     place, job, rooms = base / "place", base / "job.toml", base / "rooms"
