@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import torch
+from safetensors.torch import load_file, save_file
 
 from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
-from rsa_data.heads import checkpoint
+from rsa_data.heads import checkpoint, travel
 from rsa_data.heads.checkpoint import ScaleHead
 from rsa_data.heads.predict import from_captions
 from rsa_data.runner import status
@@ -76,8 +77,8 @@ def head(here: Path) -> One:
 
 def checkpoint_seeds() -> list[bytes]:
     """Shapes of a released checkpoint's tensors, as JSON: [name, shape, dtype, value]."""
-    nets = {"scene_feat_net": (8, 512, 256, 256), "shift_net": (256, 128, 64, 1),
-            "scale_net": (256, 128, 64, 1)}  # fmt: skip
+    nets = {"scene_feat_net": (1024, 32, 16, 16), "shift_net": (16, 8, 8, 1),
+            "scale_net": (16, 8, 8, 1)}  # fmt: skip
     shared: list[list[Any]] = []
     for net, sizes in nets.items():
         for n, (before, after) in enumerate(pairwise(sizes)):
@@ -119,7 +120,26 @@ def released_checkpoint(here: Path) -> One:
     return one
 
 
+def exported(here: Path) -> One:
+    """A file of export-head whose metadata says anything of the head."""
+    work, _ = stand_in(here)
+    travel.export_head(work, "head", here / "good.safetensors")
+    tensors = load_file(here / "good.safetensors")
+    made = here / "head.safetensors"
+
+    def one(data: bytes) -> None:
+        try:
+            save_file(tensors, made, {"head.json": data.decode()})
+        except UnicodeDecodeError:
+            made.write_bytes(data)
+        head = travel.from_file(made)
+        assert np.isfinite(head(np.ones((2, head.dim), np.float32))).all()
+
+    return one
+
+
 IMPORTERS = {
+    "exported-head": Importer(head_seeds, exported),
     "head": Importer(head_seeds, head),
     "import-head": Importer(checkpoint_seeds, released_checkpoint),
 }
