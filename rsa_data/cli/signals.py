@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 # s, from the signal to the end of the process.
-WITHIN = 4.0
+WITHIN = 3.0
 
 STOPPED = "\nStopped. Finished parts are kept: run the same command to continue."
 
