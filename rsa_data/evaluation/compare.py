@@ -8,13 +8,14 @@ import pandas as pd
 import pyarrow as pa
 
 from ..common.ranges import AtOnce, Positive
+from ..datasets import labels
 from ..heads.belong import Tables
 from ..store.table_names import comparison_folder
 from ..store.tables import WorkDir
 from . import breakdown, formats, output, paired, plots
 from .constants import fit_constants
 from .contenders import Entry, inputs_of, methods_of, plans, train, training_images
-from .evaluate import Evaluation, kinds_of, notes
+from .evaluate import Evaluation, notes
 from .methods import by_constant, oracle_methods
 from .metrics import metrics
 from .options import Measuring
@@ -120,12 +121,12 @@ def compare(
         found.append(measure(parts, methods, ranges[d], bar))
     table = pa.concat_tables(found)
     merged, over_seeds = merge_seeds(table)
-    rows = summarise(merged, measuring.draws)
+    rows = summarise(merged, measuring.draws, synthetic=labels.synthetic_of(work, names))
     said = [
         f"Comparison {name}: protocol {protocol}, {split} split, {seeds} seeds, "
         f"{recipe.epochs} epochs; mean over images [95% interval by scene].",
         *over_seeds,
-        *notes(text.head.about, rows, measuring, kinds_of(work, names))[1:],
+        *notes(text.head.about, rows, measuring)[1:],
     ]
     extra = _hard(work, text, names, merged, split)
     apart = paired.differences(merged.to_pandas(), "text", measuring.draws)
@@ -136,7 +137,7 @@ def compare(
     folder = comparison_folder(name)
     texts = {
         "summary.txt": "\n\n".join(["\n".join([*said, formats.text(rows)]), *extra, *lines]),
-        "summary.md": formats.markdown(rows) + "\n" + "\n\n".join(extra + lines) + "\n",
+        "summary.md": "\n\n".join([*said, formats.markdown(rows), *extra, *lines]) + "\n",
         "summary.tex": formats.latex(rows),
         "summary.csv": formats.to_csv(rows),
         "paired.csv": paired.to_csv(apart),

@@ -1,6 +1,6 @@
 """`evaluate`: a head on the test splits, beside what bounds it and what it must beat."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +8,7 @@ import pandas as pd
 import pyarrow as pa
 
 from ..common.errors import UsageError
+from ..datasets import labels
 from ..heads.belong import Tables
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir
@@ -23,7 +24,7 @@ from .regions import region_methods
 from .rows import measure
 from .setting import parts_of, rules_of, split_of, tables_of, with_split
 from .sizes import by_object_sizes, has_sizes
-from .summary import Row, no_better, summarise
+from .summary import Row, few_scenes, no_better, summarise
 
 if TYPE_CHECKING:
     from ..heads.description import Description
@@ -121,8 +122,8 @@ def evaluate(
             numbers = [p.number for p in parts]
             by.append(by_description(work, name, captions, numbers, found[-1].to_pandas()))
     table = pa.concat_tables(found)
-    rows = summarise(table, measuring.draws)
-    said = notes(about, rows, measuring, kinds_of(work, names)) + said
+    rows = summarise(table, measuring.draws, synthetic=labels.synthetic_of(work, names))
+    said = notes(about, rows, measuring) + said
     shown = [row for name in names for row in (*rows, *theirs) if row.dataset == name]
     folder = f"heads/{head}/evaluation/{output.folder_name(measuring, datasets)}"
     summary = output.Summary(f"head {head}: protocol {protocol}, {split} split", shown, said)
@@ -133,11 +134,6 @@ def evaluate(
     output.write(work, folder, files, output.record_of(now, names, measuring))
     text = f"{files['summary.txt'].decode()}\nin {work.store.location}/{folder}"
     return Evaluation(table, rows, text, folder)
-
-
-def kinds_of(work: WorkDir, names: Sequence[str]) -> dict[str, str]:
-    """Name in the registry of each dataset of a work dir."""
-    return {n: work.table(n, "samples").description().options["dataset"] for n in names}
 
 
 def _paper(
@@ -156,13 +152,8 @@ def _paper(
     )
 
 
-def notes(
-    about: "Description", rows: Sequence[Row], measuring: Measuring, kinds: Mapping[str, str]
-) -> list[str]:
-    """What a reader of the numbers must know.
-
-    kinds : name of each dataset in the registry.
-    """
+def notes(about: "Description", rows: Sequence[Row], measuring: Measuring) -> list[str]:
+    """What a reader of the numbers must know."""
     said = ["Mean over images; in brackets the 95% interval, whole scenes drawn with replacement."]
     trained = about.trained_on
     names = list(dict.fromkeys(row.dataset for row in rows))
@@ -175,8 +166,7 @@ def notes(
         said.append(f"Zero-shot (the head was not trained on it): {', '.join(zero)}.")
     for name in names:
         own = [row for row in rows if row.dataset == name]
-        if own[0].scenes == 1:
-            said.append(f"{name}: one scene only, so nothing is said about others; no interval.")
+        said += few_scenes(name, own[0].scenes, own[0].images)
         if name in trained and "one block" in trained[name].validation:
             said.append(f"{name}: its best epoch was chosen on frames of the training scene.")
         errors = {row.method: row.mean["abs_rel"] for row in own if row.mean}
@@ -193,11 +183,7 @@ def notes(
                 f"{name}: images that a method could not do, and that its mean leaves out: {some}; "
                 "why: error in metrics.parquet."
             )
-    if synthetic := [name for name in names if kinds.get(name, "").startswith("synthetic")]:
-        said.append(
-            f"Synthetic: {', '.join(synthetic)} was rendered, not photographed: these numbers say "
-            "nothing about real images."
-        )
+    said += labels.note({row.dataset for row in rows if row.synthetic})
     if measuring.protocol == "monodepth2":
         said.append("Every prediction is scaled by the ground truth's median before clipping.")
     if measuring.beyond == "near":

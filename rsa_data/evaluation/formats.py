@@ -16,7 +16,7 @@ def cells(rows: Sequence[Row], chosen: Sequence[Metric] | None = None) -> list[l
     chosen = [m for m in metrics().values() if m.short] if chosen is None else chosen
     table = [["dataset", "method", "images", *(metric.heading for metric in chosen)]]
     for row in rows:
-        table.append([row.dataset, row.method, f"{row.images}", *(_cell(row, m) for m in chosen)])
+        table.append([row.shown, row.method, f"{row.images}", *(_cell(row, m) for m in chosen)])
     return table
 
 
@@ -81,12 +81,15 @@ def to_csv(rows: Sequence[Row]) -> str:
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     bounds = [f"{m}_{end}" for m in metrics() for end in ("low", "high")]
-    writer.writerow(["dataset", "method", "images", "failed", "scenes", *metrics(), *bounds])
+    writer.writerow(
+        ["dataset", "method", "images", "failed", "scenes", *metrics(), *bounds, "synthetic"]
+    )
     for row in rows:
         ends = [side.get(m, "") for m in metrics() for side in (row.low, row.high)]
         means = [row.mean.get(m, "") for m in metrics()]
+        synthetic = "yes" if row.synthetic else "no"
         writer.writerow(
-            [row.dataset, row.method, row.images, row.failed, row.scenes, *means, *ends]
+            [row.dataset, row.method, row.images, row.failed, row.scenes, *means, *ends, synthetic]
         )
     return file.getvalue()
 

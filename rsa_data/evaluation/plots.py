@@ -8,7 +8,7 @@ from .summary import Row
 
 def intervals(rows: Sequence[Row], metric: str, title: str) -> str:
     """A dot for each method's mean and a line for its interval, a panel for each dataset."""
-    names = list(dict.fromkeys(row.dataset for row in rows))
+    names = {row.dataset: row.shown for row in rows}
     rows = [row for row in rows if metric in row.mean]
     most = max([row.high.get(metric, row.mean[metric]) for row in rows], default=1.0) * 1.05
     left, wide, line = 260, 420, 18
@@ -17,8 +17,8 @@ def intervals(rows: Sequence[Row], metric: str, title: str) -> str:
     def x(value: float) -> float:
         return left + wide * value / most
 
-    for name in names:
-        parts.append(svg.label(10, y, name, "start", strong=True))
+    for name, shown in names.items():
+        parts.append(svg.label(10, y, shown, "start", strong=True))
         y += line
         for row in (r for r in rows if r.dataset == name):
             parts.append(svg.label(left - 8, y + 4, row.method, "end"))

@@ -11,6 +11,7 @@ import pyarrow as pa
 from ..common.errors import UsageError
 from ..common.options import accepts_old_names
 from ..common.ranges import Count
+from ..datasets import labels
 from ..heads import belong
 from ..heads.belong import Source, Tables
 from ..heads.inputs.kinds import Feed
@@ -110,13 +111,14 @@ def robustness(
         )
         found.append(measure(parts_of(work, name, source.depth, split), methods, rule, bar))
     table = pa.concat_tables(found)
-    rows = summarise(table, measuring.draws)
+    rows = summarise(table, measuring.draws, synthetic=labels.synthetic_of(work, names))
     plain = {row.dataset: row.mean["abs_rel"] for row in rows if row.method == "plain" and row.mean}
     said = ["AbsRel against that of the plain captions:"] + [
         f"{row.dataset}: {row.method}: {row.mean['abs_rel'] / plain[row.dataset] - 1:+.1%}"
         for row in rows
         if row.mean and row.method != "plain" and row.dataset in plain
     ]
+    said += labels.note({row.dataset for row in rows if row.synthetic})
     folder = f"heads/{head}/robustness/{output.folder_name(measuring, datasets)}"
     title = f"head {head}, descriptions changed: protocol {protocol}, {split} split"
     files = output.Summary(title, rows, said).files()

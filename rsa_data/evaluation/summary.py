@@ -1,11 +1,12 @@
 """Means over images, with intervals that know that frames of one scene are not independent."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 
+from ..datasets import labels
 from .metrics import metrics
 
 
@@ -14,6 +15,7 @@ class Row:
     """One method on one dataset.
 
     images : how many were measured; failed : how many were not, though there was ground truth.
+    synthetic : whether the images were rendered.
     mean : of each metric over the images. low, high : bounds of its 95% interval, empty when all
         images are of one scene.
     """
@@ -26,12 +28,21 @@ class Row:
     mean: dict[str, float]
     low: dict[str, float]
     high: dict[str, float]
+    synthetic: bool = False
+
+    @property
+    def shown(self) -> str:
+        """Name of the dataset as tables for people give it."""
+        return labels.shown(self.dataset, self.synthetic)
 
 
-def summarise(table: pa.Table, draws: int = 1000, seed: int = 0) -> list[Row]:
+def summarise(
+    table: pa.Table, draws: int = 1000, seed: int = 0, synthetic: Collection[str] = ()
+) -> list[Row]:
     """Rows of a metrics table's datasets and methods, in the order in which they first appear.
 
-    draws : of the bootstrap of `interval`; 0 for no intervals.
+    draws : of the bootstrap of `interval`; 0 for no intervals. synthetic : datasets that were
+    rendered.
     """
     frame = table.select(["dataset", "scene", "method", "status", *metrics()]).to_pandas()
     rows = []
@@ -50,6 +61,7 @@ def summarise(table: pa.Table, draws: int = 1000, seed: int = 0) -> list[Row]:
                 mean=_named(values.mean(0)) if len(good) else {},
                 low=_named(low),
                 high=_named(high),
+                synthetic=dataset in synthetic,
             )
         )
     return rows
@@ -64,6 +76,29 @@ def no_better(dataset: str, errors: Mapping[str, float], method: str) -> str | N
         f"{dataset}: {method} does not beat a constant scale and shift in AbsRel: what it reads "
         "told it nothing that helps here."
     )
+
+
+def few_scenes(dataset: str, scenes: int, images: int) -> list[str]:
+    """What so few scenes cannot show, in words; nothing where there are 30 or more.
+
+    A method that is no better than another is ahead in all of n scenes, or behind in all, with
+    probability 2 / 2^n (sign test). With less than about 30 clusters the intervals of a cluster
+    bootstrap are too narrow (Cameron, Gelbach and Miller 2008).
+    """
+    if scenes == 1:
+        return [f"{dataset}: one scene only, so nothing is said about others; no interval."]
+    if not 1 < scenes < 30:
+        return []
+    chance = 2 / 2**scenes
+    said = f"{dataset}: {images} images of only {scenes} scenes: the intervals are too narrow"
+    if chance <= 0.05:
+        return [f"{said}, so take small differences between rows for chance."]
+    return [
+        f"{said}, and no difference between two rows can be significant: of two methods that are "
+        f"equally good, one is ahead in all {scenes} scenes by chance in {chance:.0%} of cases. "
+        "This shows that the chain runs on such images and how large the errors are about; it does "
+        "not show which input is better."
+    ]
 
 
 def interval(

@@ -40,8 +40,10 @@ def model_card(name: str, about: dict[str, Any], work: WorkDir | None = None) ->
     ]
     datasets = about.get("datasets") or {}
     for dataset, used in datasets.items():
+        rendered = "Synthetic: its images were rendered, not photographed. "
         lines.append(
-            f"- {_text(dataset)}: {used.get('images', 0):,} images to train on, "
+            f"- {_text(dataset)}: {rendered if used.get('synthetic') else ''}"
+            f"{used.get('images', 0):,} images to train on, "
             f"{used.get('validation_images', 0):,} to choose the epoch. The terms of the dataset "
             "apply to what is made from it."
         )

@@ -69,12 +69,14 @@ class Used(msgspec.Struct, kw_only=True, frozen=True, omit_defaults=True):
     """What a head was trained on of one dataset.
 
     left_out : images that were not ok in every table. validation : how the images that chose the
-    best epoch were held out. min_depth, max_depth : m. tables : digest by table.
+    best epoch were held out. synthetic : its images were rendered. min_depth,
+    max_depth : m. tables : digest by table.
     """
 
     images: Count = 0
     validation_images: Count = 0
     validation: str = ""
+    synthetic: bool = False
     left_out: Count = 0
     min_depth: float | UnsetType = UNSET
     max_depth: float | UnsetType = UNSET
@@ -170,6 +172,11 @@ class Description(msgspec.Struct, kw_only=True, frozen=True):
     def trained_on(self) -> dict[str, Used]:
         """The datasets; none where it is not known."""
         return self.datasets or {}
+
+    @property
+    def only_synthetic(self) -> bool:
+        """Whether every image that it was trained on was rendered."""
+        return bool(self.trained_on) and all(used.synthetic for used in self.trained_on.values())
 
     @property
     def control(self) -> str:

@@ -63,4 +63,6 @@ class Asking:
         p.caption = text
         p.notes += notes
         p.warnings += warnings
+        if self.head.about.only_synthetic:
+            p.warnings.append("the head was trained on synthetic scenes only; photos are not those")
         return p

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow.compute as pc
 
+from ...datasets import labels
 from ...depth.notes import wrong_way
 from ...store.tables import WorkDir
 from ..belong import Source
@@ -42,8 +43,8 @@ class Trained:
             error = about.validation.abs_rel.get(name) if about.validation else None
             told = "" if error is None else f": AbsRel {error:.4f}"
             lines.append(
-                f"  {name}: {used.images:,} images trained on, {used.validation_images:,} "
-                f"for validation ({used.validation}){told}"
+                f"  {labels.shown(name, used.synthetic)}: {used.images:,} images trained on, "
+                f"{used.validation_images:,} for validation ({used.validation}){told}"
             )
         return "\n".join([*lines, *self.warnings])
 

@@ -12,6 +12,7 @@ import torch
 from ... import registry
 from ...common.errors import RsaDataError
 from ...common.failpoints import failpoint
+from ...datasets import labels
 from ...store.table_names import head_folder
 from ...store.tables import Description as TableDescription
 from ...store.tables import Table, WorkDir, fingerprint
@@ -191,6 +192,7 @@ def describe(
                 images=int(examples.images[i]),
                 validation_images=int(examples.validation_images[i]),
                 validation=examples.how[i],
+                synthetic=labels.is_synthetic(work, name),
                 left_out=int(examples.left_out[i]),
                 min_depth=plan.limits[name][0],
                 max_depth=plan.limits[name][1],

@@ -11,6 +11,7 @@ from ... import registry
 from ...common import html
 from ...common.errors import RsaDataError
 from ...common.html import Html, tag
+from ...datasets import labels
 from ...evaluation import output
 from ...evaluation.metrics import metrics
 from ...evaluation.options import Measuring
@@ -48,7 +49,8 @@ def _head(work: WorkDir, name: str) -> Html:
         f"{about.get('depth_model', {}).get('model')}."
     )
     notes = [
-        tag("li", f"{dataset}: {facts.get('images', 0):,} images for training, "
+        tag("li", f"{labels.shown(dataset, facts.get('synthetic', False))}: "
+            f"{facts.get('images', 0):,} images for training, "
             f"{facts.get('validation_images', 0):,} for validation ({facts.get('validation')}).")
         for dataset, facts in about.get("datasets", {}).items()
     ]  # fmt: skip
@@ -158,12 +160,14 @@ def _measured(
     order = list(dict.fromkeys(row[0] for row in shown))
     shown.sort(key=lambda row: order.index(row[0]))
     header = ["dataset", "method", "images", *_shown().values()]
-    notes = [tag("p", line, class_="note") for line in said]
+    synthetic = {row["dataset"] for row in rows if row.get("synthetic") == "yes"}
+    notes = [tag("p", line, class_="note") for line in (*labels.note(synthetic), *said)]
     return [tag("div", html.table(header, shown, title), notes)]
 
 
 def _cells(row: dict[str, str]) -> list[str]:
-    cells = [row["dataset"], row["method"], row["images"]]
+    name = labels.shown(row["dataset"], row.get("synthetic") == "yes")
+    cells = [name, row["method"], row["images"]]
     for metric in _shown():
         cell = f"{float(row[metric]):.3f}" if row.get(metric) else "-"
         if metric == "abs_rel" and row.get("abs_rel_low"):
