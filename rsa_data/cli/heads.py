@@ -28,8 +28,9 @@ def example_caption(work: WorkDir, head: str) -> str:
         for name in used.get("tables") or ():
             table = work.table(dataset, name)
             if name.startswith("captions/") and (parts := table.parts()):
-                texts = table.read(parts[0], ["text"])["text"]
-                return shlex.quote(str(texts[0])) if len(texts) else shlex.quote(_CAPTION)
+                texts = table.read(parts[0], ["text"])["text"].to_pylist()
+                # "An image." is what is said where nothing was found.
+                return shlex.quote(max(texts[:50], key=len, default=_CAPTION))
     return shlex.quote(_CAPTION)
 
 

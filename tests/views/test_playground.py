@@ -5,6 +5,7 @@ import pytest
 
 from rsa_data.heads.predict.camera import Camera
 from rsa_data.views.playground import desk
+from rsa_data.views.playground.rays import rays
 
 
 def picture(y: np.ndarray) -> desk.Picture:
@@ -31,31 +32,35 @@ def test_distance_in_depth_is_the_difference_of_depths():
     assert desk.distance(scene, depth, (99, 50), (100, 50)) == pytest.approx(3, abs=1e-3)
 
 
-def test_cloud_holds_the_points_of_the_pixels_with_y_up():
+def test_rays_are_the_points_of_the_pixels_with_y_up():
     scene = picture(np.full((60, 80), 0.5, np.float32))
-    points, colours = desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))
-    assert len(points) == len(colours) == 60 * 80
+    found = rays(scene)
+    points = found.points(1.0, 0.0)
+    assert len(points) == len(found.colours) == 60 * 80
     np.testing.assert_allclose(points[:, 2], -2)
     np.testing.assert_allclose(points[0], [-0.8, 0.6, -2], rtol=1e-6)
+    np.testing.assert_allclose(found.points(0.5, 0.25), points)  # 1 / (0.5 * 0.5 + 0.25) = 2
 
 
-def test_cloud_leaves_out_what_is_infinitely_far():
+def test_what_is_infinitely_far_has_no_point():
     y = np.full((60, 80), 0.5, np.float32)
     y[:30] = -1
     scene = picture(y)
-    assert len(desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))[0]) == 30 * 80
+    assert np.isfinite(rays(scene).points(1.0, 0.0)).all(1).sum() == 30 * 80
 
 
-def test_large_pictures_are_thinned():
-    scene = picture(np.full((1000, 1500), 0.5, np.float32))
-    assert len(desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))[0]) <= 20_000
+def test_large_pictures_are_thinned_and_the_farthest_left_out():
+    y = np.full((1000, 1500), 0.5, np.float32)
+    y[:10] = 0.01
+    found = rays(picture(y))
+    assert len(found.y) <= 20_000 and found.y.min() == 0.5
 
 
-def test_colours_of_a_cloud_are_those_of_a_larger_picture():
+def test_colours_of_rays_are_those_of_a_larger_picture():
     y = np.full((40, 60), 0.5, np.float32)
     image = np.zeros((80, 120, 3), np.uint8)
     image[40:] = 255
     camera = Camera(100.0, 100.0, 60.0, 40.0, 120, 80, "a test")
     scene = desk.Picture("a", image, None, "", y, "", None, camera)
-    points, colours = desk.cloud(scene, desk.depth_of(scene, 1.0, 0.0))
-    np.testing.assert_array_equal(colours[:, 0], (points[:, 1] <= 0).astype(float))
+    found = rays(scene)
+    np.testing.assert_array_equal(found.colours[:, 0], (found.up <= 0).astype(float))

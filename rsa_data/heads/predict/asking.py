@@ -37,11 +37,13 @@ class Asking:
         text: str | None,
         segments: "Segments | None" = None,
         image: np.ndarray | None = None,
+        spread: bool = True,
     ) -> Prediction:
         """What the head says of a caption, of the objects found and of the photo.
 
         text : the caption. segments : the objects found in the photo; None: those that the caption
-        names. image : uint8 (h, w, 3), RGB. What the head does not read may be None.
+        names. image : uint8 (h, w, 3), RGB. What the head does not read may be None. spread : see
+        `from_scenes`.
         Raises UsageError where the head reads the photo and there is none.
         """
         if "image" in self.kinds and image is None:
@@ -59,7 +61,7 @@ class Asking:
             found,
             image if "image" in self.kinds else None,
         )
-        (p,) = from_scenes(self.head, [scene], self.read, self.style)
+        (p,) = from_scenes(self.head, [scene], self.read, self.style, spread)
         p.caption = text
         p.notes += notes
         p.warnings += warnings

@@ -46,18 +46,22 @@ def from_scenes(
     scenes: Sequence[Scene],
     read: Callable[[Sequence[Scene]], np.ndarray],
     style: str | None = None,
+    spread: bool = True,
 ) -> list[Prediction]:
     """Predictions of scenes, each with the spread over its caption's paraphrases and its distance.
 
     read : a `Reading` of the head. style : of the captions, where it is not that of the head's
-    training captions.
+    training captions. spread : false where an answer at once matters more.
     """
     keys = [(scene.text, scene.things, id(scene.image)) for scene in scenes]
     # Each scene once: the place in a batch may change the last bit.
     distinct = dict(zip(keys, scenes, strict=True))
     bounded.check_captions((s.text for s in distinct.values() if s.text is not None), "predict")
     wording = wording_of(head.description, style)
-    orders = [[] if s.text is None else paraphrases(s.text, wording) for s in distinct.values()]
+    orders = [
+        paraphrases(s.text, wording) if spread and s.text is not None else []
+        for s in distinct.values()
+    ]
     flat = [
         scene
         for own, order in zip(distinct.values(), orders, strict=True)
@@ -73,12 +77,12 @@ def from_scenes(
     found = {}
     for key, order, start, end in zip(distinct, orders, starts[:-1], starts[1:], strict=True):
         a, b = scale[start:end], shift[start:end]
-        spread = (float(a.min()), float(a.max()), float(b.min()), float(b.max()))
+        ends = (float(a.min()), float(a.max()), float(b.min()), float(b.max()))
         found[key] = Prediction(
             key[0],
             float(a[0]),
             float(b[0]),
-            spread=spread if len(a) > 1 else None,
+            spread=ends if len(a) > 1 else None,
             unlike=bool(unlike[start]),
             notes=[_NO_SPREAD] if order is None else [],
         )

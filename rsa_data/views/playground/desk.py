@@ -23,7 +23,7 @@ from ..depth_files import maps, space
 from ..pictures.drawing import resized
 from ..report.samples import one
 
-_POINTS, _LONGEST = 20_000, 800
+_LONGEST = 800
 
 
 @dataclass(frozen=True)
@@ -161,16 +161,19 @@ def of_file(models: Models, path: Path) -> Picture:
     return Picture(path.name, image, segments, caption, y, " ".join(why), None, camera)
 
 
-def answer(models: Models, caption: str, picture: Picture | None = None) -> Prediction:
+def answer(
+    models: Models, caption: str, picture: Picture | None = None, spread: bool = True
+) -> Prediction:
     """Scale and shift of a caption, and whether it is unlike those that the head was trained on.
 
-    picture : in view. A head of objects reads its segments until the caption is changed. Raises
-    UsageError where the head reads the photo itself and there is none.
+    picture : in view. A head of objects reads its segments until the caption is changed.
+    spread : over the caption's paraphrases too, which takes nine times as long.
+    Raises UsageError where the head reads the photo itself and there is none.
     """
     own = picture is not None and caption == picture.caption
     segments = picture.segments if picture is not None and own else None
     image = None if picture is None else picture.image
-    return models.ask(caption.strip() or "An image.", segments, image)
+    return models.ask(caption.strip() or "An image.", segments, image, spread)
 
 
 def corrected(
@@ -218,22 +221,3 @@ def distance(
 ) -> float:
     """m between the points seen at two pixels (column, row)."""
     return float(np.linalg.norm(place(picture, depth, *a) - place(picture, depth, *b)))
-
-
-def cloud(picture: Picture, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3), m, y up and z towards the viewer, and colours (n, 3), 0 to 1; at most 20,000.
-
-    What lies beyond the 98th percentile is left out: single pixels would make all else small.
-    """
-    height, width = depth.shape
-    step = max(1, int(np.ceil(np.sqrt(height * width / _POINTS))))
-    v, u = (g.ravel() for g in np.mgrid[0:height:step, 0:width:step])
-    z = depth[v, u]
-    good = np.isfinite(z) & (z > 0)
-    good &= z <= np.quantile(z[good], 0.98) if good.any() else good
-    u, v, z = u[good], v[good], z[good]
-    fx, fy, cx, cy = picture.view()
-    points = np.stack([(u - cx) / fx * z, (cy - v) / fy * z, -z], 1)
-    down, across = (np.array(picture.image.shape[:2]) / depth.shape).tolist()
-    colours = picture.image[(v * down).astype(int), (u * across).astype(int)]
-    return points, colours / 255

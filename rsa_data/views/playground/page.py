@@ -16,8 +16,9 @@ from ..pictures.colours import depth_colours
 from ..pictures.pictures import draw_segments
 from . import desk
 from .guard import Guard
-from .panels import GRID, TALL, Panel, bar, empty, part
+from .panels import GRID, Panel, bar, part
 from .ruler import Ruler
+from .space import Space
 
 _KINDS = {".npy": "Depth (.npy)", "-colours.png": "Colours", ".ply": "Points", ".glb": "Mesh"}
 
@@ -39,7 +40,6 @@ class Page:
         self.picture: desk.Picture | None = None
         self.found: Prediction | None = None
         self.depth: np.ndarray | None = None
-        self.points: Any = None
         self.ruler = Ruler(self._use_known, lambda: self._say(self.found), self._redraw)
 
     def build(self) -> None:
@@ -65,9 +65,7 @@ class Page:
                     self.top = bar()
                 self.range = ui.label().classes("text-sm")
             with part("Points in metres: drag to turn"):
-                with ui.element("div").classes("w-full").style(f"height:{TALL}px") as place:
-                    self.space = ui.scene(width=400, height=TALL, grid=False).classes("w-full")
-                self.space_empty = empty("Appears with the depth.", place).classes("text-black")
+                self.space = Space()
         with ui.element("div").style(GRID):
             with part("Distances"):
                 self.ruler.build()
@@ -90,7 +88,11 @@ class Page:
                 on_upload=self._uploaded,
                 on_rejected=lambda: ui.notify("Expected a file of at most 50 MB", type="negative"),
             ).classes("w-full").props("flat bordered")  # fmt: skip
-        self.caption = ui.textarea("Caption", on_change=self._worded).classes("w-full")
+        kinds = self.models.ask.kinds
+        label = "Caption"
+        if "text" not in kinds:
+            label = "Objects and their shares" if "objects" in kinds else "Not read by this head"
+        self.caption = ui.textarea(label, on_change=self._worded).classes("w-full")
         self.caption.props("debounce=250 outlined rows=3")
         with ui.column().classes("gap-1"):
             self.numbers = ui.label("Write a caption, or choose a photo.").props('role="status"')
@@ -114,6 +116,7 @@ class Page:
         if picture is None:  # the page is being closed
             return
         self.picture, self.depth = picture, None
+        self.space.clear()
         self.ruler.look_at(picture)
         self._show_photo()
         self.note.set_text(
@@ -140,17 +143,29 @@ class Page:
         self.photo.show(shown)
 
     async def _worded(self) -> None:
-        """The caption has changed: ask the head."""
+        """The caption has changed: ask the head, then for the spread, which takes longer."""
         asked = self.caption.value or ""
-        try:
-            found: Prediction | None = await run.io_bound(
-                desk.answer, self.models, asked, self.picture
+        for spread in (False, True):
+            try:
+                found: Prediction | None = await run.io_bound(
+                    desk.answer, self.models, asked, self.picture, spread
+                )
+            except RsaDataError as error:
+                ui.notify(str(error), type="negative")
+                return
+            if asked != (self.caption.value or "") or found is None:
+                return  # an answer to older words is not shown, nor one to a page being closed
+            if spread:
+                self._say_spread(found)
+            else:
+                self._say(found)
+
+    def _say_spread(self, found: Prediction) -> None:
+        if found.spread:
+            a, b, c, d = found.spread
+            self.spread.set_text(
+                f"Objects in other orders: scale {a:.4g} to {b:.4g}, shift {c:.4g} to {d:.4g}"
             )
-        except RsaDataError as error:
-            ui.notify(str(error), type="negative")
-            return
-        if asked == (self.caption.value or ""):  # an answer to older words is not shown
-            self._say(found)
 
     def _say(self, found: Prediction | None) -> None:
         if found is None:
@@ -160,14 +175,9 @@ class Page:
             "This is unlike any caption the head was trained on: do not trust it without a known "
             "depth."
             if found.unlike
-            else ""
+            else " ".join(found.warnings)
         )
-        self.spread.set_text("")
-        if found.spread:
-            a, b, c, d = found.spread
-            self.spread.set_text(
-                f"Objects in other orders: scale {a:.4g} to {b:.4g}, shift {c:.4g} to {d:.4g}"
-            )
+        self.spread.set_text(" ".join(found.notes))
         self.ruler.forget()
         self._set(found.scale, found.shift)
 
@@ -188,25 +198,11 @@ class Page:
             error = np.mean(np.abs(depth[valid] - truth) / truth) if len(truth) else np.nan
             told += f" True median {np.median(truth):.2f} m; AbsRel {error:.3f}."
         self.range.set_text(told)
-        self._show_cloud(self.picture, depth)
+        self.space.show(self.picture, scale, shift)
         self._show_photo()
         lines = [one.line for one in desk.objects(self.picture, depth)]
         self.objects.set_text("\n".join(lines) or "No objects were found in this photo.")
         self.map.image.set_content(self.ruler.measure(depth))
-
-    def _show_cloud(self, picture: desk.Picture, depth: np.ndarray) -> None:
-        points, colours = desk.cloud(picture, depth)
-        if not len(points):
-            return
-        near, far = -points[:, 2].max(), -points[:, 2].min()
-        with self.space:
-            if self.points is not None:
-                self.points.delete()
-            size = max(far, 0.1) / 75
-            self.points = self.space.point_cloud(points.tolist(), colours.tolist(), size)
-        ahead = {"look_at_x": 0, "look_at_y": 0, "look_at_z": -far / 2}
-        self.space.move_camera(0, 0, 0.05 * near, **ahead, up_x=0, up_y=1, up_z=0, duration=0)
-        self.space_empty.set_text("")
 
     def _download(self, kind: str) -> Callable[[], Any]:
         async def download() -> None:

@@ -1,5 +1,7 @@
 """The parts that the page is put together from: titled panels, pictures, the bar of colours."""
 
+import base64
+import io
 from typing import Any
 
 import numpy as np
@@ -39,10 +41,13 @@ class Panel:
         self.text = empty(text, place)
 
     def show(self, pixels: np.ndarray) -> None:
-        """Shows uint8 (h, w, 3), RGB."""
+        """Shows uint8 (h, w, 3), RGB; as JPEG, which is made in a tenth of the time of a PNG."""
         from PIL import Image
 
-        self.image.set_source(Image.fromarray(pixels))
+        file = io.BytesIO()
+        Image.fromarray(pixels).save(file, "JPEG", quality=90)
+        data = base64.b64encode(file.getvalue()).decode()
+        self.image.set_source(f"data:image/jpeg;base64,{data}")
         self.text.set_text("")
 
 
