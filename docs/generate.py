@@ -20,6 +20,7 @@ import click
 
 import rsa_data
 from rsa_data.cli.main import Group, cli, names
+from rsa_data.common import cards
 from rsa_data.store import schemas
 
 HERE = Path(__file__).parent
@@ -184,6 +185,30 @@ def api() -> str:
     return "\n".join(parts)
 
 
+_KINDS = {
+    "segments": "segmenters",
+    "relative-depth": "depth models",
+    "text-encoder": "encoders",
+    "head": "published heads",
+}
+_BLOCK = re.compile(r"(?<=<!-- models -->\n).*?(?=<!-- /models -->)", re.DOTALL)
+
+
+def readme() -> str:
+    """README.md with its table of models: every card, and what `models check` found of its file."""
+    checked = json.loads((HERE / "models.json").read_text("utf-8"))
+    state = {model["name"]: model["state"] for model in checked["models"]}
+    rows = ["| models | run with their real file | not yet run |", "|---|---|---|"]
+    for kind, title in _KINDS.items():
+        groups: dict[bool, list[str]] = {True: [], False: []}
+        for name in cards.names(kind):
+            wrong = " (failed)" if state.get(name) == "failed" else ""
+            groups[state.get(name) == "ok"].append(f"{name}{wrong}")
+        rows.append(f"| {title} | {', '.join(groups[True])} | {', '.join(groups[False])} |")
+    table = "\n".join(rows) + "\n"
+    return _BLOCK.sub(lambda _: table, (ROOT / "README.md").read_text("utf-8"))
+
+
 def on_files(files: Any, config: Any, **_: Any) -> Any:
     """mkdocs asks for the list of pages."""
     from mkdocs.structure.files import File
@@ -194,12 +219,20 @@ def on_files(files: Any, config: Any, **_: Any) -> Any:
 
 
 def main(arguments: list[str]) -> int:
-    """Writes or checks the pages that stand in docs/."""
-    pages = {HERE / "formats.md": formats(), HERE / "performance.md": performance()}
+    """Writes or checks the pages that stand in docs/, and the table of models in README.md."""
+    pages = {
+        HERE / "formats.md": formats(),
+        HERE / "performance.md": performance(),
+        ROOT / "README.md": readme(),
+    }
     if arguments == ["--check"]:
-        old = [p.name for p, t in pages.items() if not p.is_file() or p.read_text("utf-8") != t]
+        old = [
+            p.relative_to(ROOT).as_posix()
+            for p, t in pages.items()
+            if not p.is_file() or p.read_text("utf-8") != t
+        ]
         if old:
-            sys.stderr.write(f"docs/{', docs/'.join(old)}: out of date: python docs/generate.py\n")
+            sys.stderr.write(f"{', '.join(old)}: out of date: python docs/generate.py\n")
         return 1 if old else 0
     for page, text in pages.items():
         page.write_text(text, "utf-8")

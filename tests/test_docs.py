@@ -1,6 +1,7 @@
 """The documentation: its commands exist and run, its examples work, its pages are up to date."""
 
 import importlib.util
+import json
 import os
 import re
 import shlex
@@ -13,6 +14,7 @@ import click
 import pytest
 
 from rsa_data.cli.main import cli
+from rsa_data.common import cards
 from rsa_data.store import schemas
 
 ROOT = Path(__file__).parents[1]
@@ -129,6 +131,20 @@ def test_performance_is_what_benchmarks_left():
             section = page.partition(f"### {title}\n")[2].partition("\n#")[0]
             assert section.count("\n| ") == len(table["rows"]) + 1
             assert all(str(value) in section for value in (table["date"], table["machine"]))
+
+
+def test_the_table_of_models_is_what_was_run():
+    page = (ROOT / "README.md").read_text("utf-8")
+    assert page == generator().readme(), "a card or docs/models.json changed: docs/generate.py"
+    checked = json.loads((ROOT / "docs" / "models.json").read_text("utf-8"))
+    run = {model["name"] for model in checked["models"] if model["state"] == "ok"}
+    # What a card says of its model is what was run, with the file that it names.
+    told = [cards.read_card(path) for path in sorted(cards.CARDS.glob("*.toml"))]
+    assert {card.name for card in told if card.tested and card.kind != "head"} == {
+        name for name in run if cards.read_card(cards.card_path(name)).kind != "head"
+    }
+    digests = {model["name"]: model["sha256"] for model in checked["models"]}
+    assert all(digests[c.name] == c.sha256 for c in told if c.name in run and c.sha256)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...common.digests import read_sha256
 from ...common.errors import RsaDataError
-from ...common.model_files import local_file
+from ...common.model_files import MissingFile, local_file
 from ...datasets.synthetic import scenes
 from ...runner.fingerprints import made_with
 from ..pictures.pictures import save
@@ -73,8 +73,10 @@ def check(
             result = Result(card.name, kind, "ok")
             try:
                 path = local_file(card, (weights or {}).get(card.name), option=None)
+            except MissingFile:
+                result.state, result.reason = "missing", "its file is not on this machine"
             except RsaDataError as error:
-                result.state, result.reason = "missing", str(error)
+                result.state, result.reason = "failed", str(error)
             else:
                 result.sha256 = read_sha256(path)
                 try:
