@@ -5,6 +5,8 @@ import itertools
 import json
 import re
 import shutil
+import tempfile
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -151,9 +153,34 @@ def test_a_video_is_a_folder_of_frames(work, tmp_path):
     found = predict(work, tmp_path / "v.avi", caption=("a",), relative=tmp_path / "maps")
     assert [p.name for p in found] == [f"v.avi/{k:06d}.png" for k in (1, 2, 3)]
     assert not any(p.error for p in found)
+    # Every frame is its own picture, again when smoothing goes over them twice; few lie on disk.
+    for smooth in (0, 3):
+        seen = []
+        options = {"caption": ("a",), "relative": tmp_path / "maps", "smooth": smooth}
+        for p in binding.call(predict_function, work, [tmp_path / "v.avi"], **options):
+            assert len(list(Path(tempfile.gettempdir()).glob("rsa-data-frames-*/0/v.avi/*"))) <= 2
+            seen.append(float(p.image.mean()))
+        np.testing.assert_allclose(seen, [0, 60, 120], atol=3)
     (tmp_path / "no.mp4").write_bytes(b"no video")
     with pytest.raises(RsaDataError, match="expected a video"):
         predict(work, tmp_path / "no.mp4", caption=("a",), relative=tmp_path / "maps")
+
+
+def test_a_video_that_ends_early_is_said_so(work, tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 5, (64, 48))
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        writer.write(rng.integers(0, 255, (48, 64, 3), np.uint8))
+    writer.release()
+    data = (tmp_path / "v.avi").read_bytes()
+    (tmp_path / "short.avi").write_bytes(data[: len(data) // 2])
+    (tmp_path / "maps/short.avi").mkdir(parents=True)
+    for k in range(1, 21):
+        np.save(tmp_path / f"maps/short.avi/{k:06d}.npy", np.full((48, 64), k, np.float32))
+    found = predict(work, tmp_path / "short.avi", caption=("a",), relative=tmp_path / "maps")
+    assert 2 < len(found) < 18 and not any(p.error for p in found)
+    assert f"short.avi ends early: {len(found)} of its 20 frames" in found[0].warnings[0]
+    assert not any(p.warnings and "ends early" in p.warnings[0] for p in found[1:])
 
 
 def test_known_distances_need_no_head_and_no_work_dir(tmp_path, monkeypatch):

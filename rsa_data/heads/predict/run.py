@@ -113,6 +113,7 @@ class Run:
             segments, image, p = None, None, Prediction(None)
             text = self.texts[k % len(self.texts)] if self.texts else None
             try:
+                photo.fetch()
                 if self._looks():
                     segments, own = look(photo.root)(photo.name)
                     text = text or own or None
@@ -146,6 +147,7 @@ class Run:
         self, photo: Photo, segments: "Segments | None", p: Prediction, source: Any
     ) -> None:
         """Adds image, camera, depth and distances."""
+        photo.fetch()
         p.image = _read(photo) if p.image is None else p.image
         height, width = p.image.shape[:2]
         p.camera = camera_of(photo.path, width, height, self.view)
