@@ -3,7 +3,7 @@
     python benchmarks/crash.py                  # the chain, then each other command
     python benchmarks/crash.py --only chain --random 5 --failpoints receipt,checkpoint
     python benchmarks/crash.py --only chain --random 10 --failpoints none --workers 2
-    python benchmarks/crash.py --only "train-head|compare|export" --out FILE.json
+    python benchmarks/crash.py --only "train-head|compare|export" --record
 
 The chain is index, detect, captions, embed, depth, train-head and evaluate over a few rendered
 rooms. Each other command begins where the chain has ended, and is killed at its 1st, 2nd, 3rd, 4th,
@@ -15,7 +15,6 @@ which saves the seconds that torch takes to load.
 
 import argparse
 import hashlib
-import json
 import os
 import random
 import re
@@ -27,6 +26,9 @@ import time
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import recording
 
 JOB = """
 doc = "A small chain with many parts."
@@ -112,6 +114,9 @@ PRELOADED = (
 )
 
 
+_TITLE = "Killed at its failpoints, then run again"
+
+
 class Failed(Exception):
     """An undisturbed run that did not end well: nothing can be compared with it."""
 
@@ -167,8 +172,8 @@ class Trials:
     begin : the folder to copy before each run, or None for an empty one.
     """
 
-    def __init__(self, words: list[str], place: Path, begin: Path | None):
-        self.words, self.place, self.begin = words, place, begin
+    def __init__(self, name: str, words: list[str], place: Path, begin: Path | None):
+        self.name, self.words, self.place, self.begin = name, words, place, begin
         self.tried = self.killed = self.bad = 0
         self._fresh()
         begun = time.monotonic()
@@ -248,7 +253,6 @@ def fill(words: str, rooms: Path) -> list[str]:
 
 def released(path: Path) -> None:
     """A checkpoint in the form of the released ones."""
-    sys.path.insert(0, str(Path(__file__).parent))
     from attacks import heads
 
     path.parent.mkdir()
@@ -267,7 +271,7 @@ def main() -> int:
     parser.add_argument("--once", action="store_true", help="only the first time of a failpoint")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--record", action="store_true", help="keep the figures")
     given = parser.parse_args()
     os.environ["TOKENIZERS_PARALLELISM"] = "false"
     for name in PRELOADED:
@@ -276,10 +280,10 @@ def main() -> int:
     place, job, rooms = base / "place", base / "job.toml", base / "rooms"
     job.write_text(JOB.format(root=rooms))
     words = ["run", str(job), "--work", "work", "--workers", str(given.workers)]
-    Trials(words, place, None)  # also renders the rooms
+    Trials("chain", words, place, None)  # also renders the rooms
     every = []
     if re.search(given.only, "chain"):
-        every.append(Trials(words, place, None))
+        every.append(Trials("chain", words, place, None))
         chain(every[-1], given)
         shutil.rmtree(place)
         place.mkdir()
@@ -289,21 +293,18 @@ def main() -> int:
     released(done / "out-of" / "released.pt")
     for command in COMMANDS:
         if given.only != "chain" and re.search(given.only, command):
-            trials = Trials(fill(command, rooms), place, done)
+            trials = Trials(command, fill(command, rooms), place, done)
             every.append(trials)
             for number in moments():
                 if not trials.trial(f"any:{number}", once=command.startswith(_ONCE)):
                     break
     shutil.rmtree(base)
-    rows = [
-        {"command": " ".join(t.words), "killed": t.killed, "tried": t.tried, "bad": t.bad}
-        for t in every
-    ]
-    if given.out:
-        given.out.write_text(json.dumps(rows, indent=1) + "\n")
-    sums = {key: sum(int(row[key]) for row in rows) for key in ("tried", "killed", "bad")}
-    print("{tried} trials, {killed} killed, {bad} ended otherwise than undisturbed".format(**sums))
-    return 1 if sums["bad"] else 0
+    if given.record:
+        rows = [[t.name, t.tried, t.killed, t.bad] for t in every]
+        recording.update("crash", _TITLE, ("command", "trials", "killed", "other bytes"), rows)
+    tried, killed, bad = (sum(getattr(t, n) for t in every) for n in ("tried", "killed", "bad"))
+    print(f"{tried} trials, {killed} killed, {bad} ended otherwise than undisturbed")
+    return 1 if bad else 0
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Coverage-guided fuzzing of every importer of text and JSON: no error but the project's own.
 
     pip install atheris     # wheels for Linux; in no extra, since nothing else needs it
-    python benchmarks/fuzz.py [--seconds 60] [--only NAME ...] [--corpus DIR]
+    python benchmarks/fuzz.py [--seconds 60] [--only NAME ...] [--corpus DIR] [--record]
 
 Each importer runs in a process of its own for so many seconds, through its public door, on inputs
 that atheris makes of real and hand-written files: bytes and words change in text, places in the
@@ -26,6 +26,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parent))
+import recording
+
+TITLE = "Inputs tried by each fuzzed importer"
+COLUMNS = ("importer", "seconds", "inputs", "edges at first", "edges at the end", "errors",
+           "slowest, CPU s", "peak MB")  # fmt: skip
 LONGEST = 16_384  # bytes of an input
 
 # What goes wrong more often than chance would find: in text, and as JSON.
@@ -173,7 +179,7 @@ def child(name: str, here: Path, corpus: Path, seconds: int) -> None:
     atheris.Fuzz()
 
 
-def fuzz(name: str, here: Path, corpus: Path, seconds: int) -> bool:
+def fuzz(name: str, here: Path, corpus: Path, seconds: int, record: bool) -> bool:
     """Fuzzes one importer in a process of its own and prints what came of it; True when clean."""
     corpus.mkdir(parents=True, exist_ok=True)
     words = [sys.executable, __file__, "--child", name, str(here), str(corpus), str(seconds)]
@@ -197,6 +203,10 @@ def fuzz(name: str, here: Path, corpus: Path, seconds: int) -> bool:
         f"peak {stats.get('peak_rss_mb', '?')} MB",
         flush=True,
     )
+    if record:
+        taken = slowest.read_text() if slowest.exists() else "?"
+        row = [name, seconds, tried, first[0], last[0], len(traces) + len(died), taken]
+        recording.update("fuzz", TITLE, COLUMNS, [[*row, stats.get("peak_rss_mb", "?")]])
     for path in died:
         print(f"--- {name}: {path.name}: {path.read_bytes()[:500]!r}")
     for trace in traces:
@@ -210,6 +220,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--only", nargs="+", metavar="NAME")
     parser.add_argument("--corpus", type=Path)
+    parser.add_argument("--record", action="store_true", help="keep the figures")
     parser.add_argument("--child", nargs=4, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.child:
@@ -223,7 +234,7 @@ def main() -> int:
         with tempfile.TemporaryDirectory(prefix="rsa-data-fuzz-") as folder:
             here = Path(folder)
             corpus = (given.corpus or here / "corpus") / name
-            clean &= fuzz(name, here, corpus, given.seconds)
+            clean &= fuzz(name, here, corpus, given.seconds, given.record)
     return 0 if clean else 1
 
 

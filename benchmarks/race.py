@@ -1,6 +1,6 @@
 """Two trainings under one name at once, one with --start-over: whose head is there in the end?
 
-    python benchmarks/race.py [--times 20] [--out FILE]
+    python benchmarks/race.py [--times 20] [--record]
 
 Both train on the same small tables with other options (seeds and epochs), each in a process of its
 own; the second begins at a random moment of the first. When both have ended, what is there must be
@@ -10,7 +10,6 @@ ended with a head is allowed; then the same command again must make one.
 """
 
 import argparse
-import json
 import random
 import shutil
 import sys
@@ -22,7 +21,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 import crash
+import recording
 
+_ENDS = ("first", "second", "none", "mixed")
 NAME = "contested"
 FILES = ("head.json", "head.safetensors", "history.parquet", "_table.json")
 
@@ -79,7 +80,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--record", action="store_true", help="keep the figures")
     given = parser.parse_args()
     for module in crash.PRELOADED:
         import_module(module)
@@ -102,10 +103,11 @@ def main() -> int:
         found[outcome] += 1
         print(f"{number + 1:3}: the second after {moment:.2f} s: {outcome}", flush=True)
     shutil.rmtree(base)
-    row = {"times": given.times, **{k: found[k] for k in ("first", "second", "none", "mixed")}}
-    print(row)
-    if given.out:
-        given.out.write_text(json.dumps(row) + "\n")
+    row = [given.times, *(found[k] for k in _ENDS)]
+    print(dict(zip(("times", *_ENDS), row, strict=True)))
+    if given.record:
+        title = "Whose head is there after two trainings under one name"
+        recording.table("race", title, ("times", *_ENDS), [row])
     return 1 if found["mixed"] else 0
 
 

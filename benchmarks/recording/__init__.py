@@ -57,6 +57,23 @@ def table(
     file.write_text(text + "\n", "utf-8")
 
 
+def update(
+    name: str, title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], **how: Any
+) -> None:
+    """As `table`, but rows of an earlier run stay unless a new one begins with the same value.
+
+    Each row ends with the commit and the load of its own run, which this adds.
+    """
+    file = RESULTS / f"{name}.json"
+    found = json.loads(file.read_text("utf-8")) if file.is_file() else {}
+    named = [*columns, "commit", "load"]
+    before = found.get(title, {})
+    kept = {row[0]: row for row in before.get("rows", []) if before["columns"] == named}
+    run = [commit(), round(os.getloadavg()[0])]
+    merged = {**kept, **{row[0]: [*row, *run] for row in rows}}
+    table(name, title, named, list(merged.values()), **how)
+
+
 def machine() -> str:
     """The processor, its cores, and how busy they were when this was asked."""
     names = [
