@@ -64,6 +64,7 @@ def main() -> None:
     parser.add_argument("--small", action="store_true")
     parser.add_argument("--peer-python", default=sys.executable)
     parser.add_argument("--minilm", type=Path)
+    parser.add_argument("--texts-of", type=int, default=545, help="images whose captions are taken")
     parser.add_argument("--shared", type=Path, default=SHARED)
     parser.add_argument("--folder", type=Path, help="where prepared work stays between runs")
     given = parser.parse_args()
@@ -83,7 +84,7 @@ def main() -> None:
                 given.threads,
                 given.shared,
                 given.small,
-                {"minilm": given.minilm},
+                {"minilm": given.minilm, "images": given.texts_of},
             )
             row: Row = getattr(importlib.import_module(f"peer_rows.{module}"), function)(how)
             measure(row, given)

@@ -18,7 +18,7 @@ _CAPTIONS = "captions/release-text"
 
 def minilm(given: Given) -> Row:
     """`rsa-data embed` (work dir, receipts, audit of bfloat16) against encoders of sentences."""
-    work, file, texts = captions(given, 10 if given.small else 545)
+    work, file, texts = captions(given, 10 if given.small else given.options["images"])
     model = given.options.get("minilm")
     if model is None:
         sys.exit("--minilm DIR: expected all-MiniLM-L6-v2 with onnx/model.onnx; none was given")

@@ -21,7 +21,7 @@ class Given:
     """What every row gets.
 
     python : of the peers. threads : of each side. small : a tiny amount of work, to try the script.
-    shared : real data. options : further paths by name.
+    shared : real data. options : further ones by name.
     """
 
     folder: Path
@@ -29,7 +29,7 @@ class Given:
     threads: int
     shared: Path
     small: bool = False
-    options: Mapping[str, Path | None] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
