@@ -51,7 +51,7 @@ def minilm(given: Given) -> Row:
 
 def clip(given: Given) -> Row:
     """CLIP RN50's text tower with random weights, which decide nothing about time."""
-    work, file, texts = captions(given, 4 if given.small else 40)
+    work, file, texts = captions(given, 4 if given.small else 20)
     weights = random_clip(given)
 
     def theirs(way: str) -> Way:

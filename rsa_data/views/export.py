@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 from ..common import files
 from ..common.errors import RsaDataError, UsageError
 from ..runner import jobs
+from ..store import schemas
 from ..store.tables import Table, WorkDir
 from . import data_card, export_rows, hub, webdataset
 
@@ -102,6 +103,12 @@ def _chosen(
     work: WorkDir, name: str, embeddings: str | None, depth: str | None, pictures: bool
 ) -> export_rows.Chosen:
     features = jobs.choose(work, name, "embeddings", embeddings, "--embeddings STYLE/ENCODER")
+    schema = work.table(name, features).description().schema
+    if "embedding" not in schemas.schema(schema).names:
+        raise UsageError(
+            f"{name}/{features}: expected a feature of each text or image; this table holds "
+            f"{schema}. Choose another one with --embeddings, or open it with open_work in Python"
+        )
     beside = jobs.choose(work, name, "depth", depth, "--depth MODEL") if depth else None
     return export_rows.Chosen(
         work,

@@ -53,6 +53,14 @@ def work(tmp_path, monkeypatch) -> WorkDir:
     return work
 
 
+def test_a_table_without_features_is_refused_by_its_name(work, tmp_path):
+    table = work.table("nyuv2", "embeddings/objects/tiny")
+    table.bind(Description(stage="embed-objects", schema="objects", options={}, files={}))
+    with pytest.raises(UsageError, match=r"embeddings/objects/tiny: .*holds objects"):
+        export(work, out=tmp_path / "out", embeddings="objects/tiny")
+    assert not (tmp_path / "out").exists()
+
+
 def test_rows_are_captions_with_their_features_as_lists(work, tmp_path):
     assert export(work, out=tmp_path / "out") == {"nyuv2/train": 6}
     rows = pq.read_table(tmp_path / "out" / "nyuv2" / "train-00007.parquet")
