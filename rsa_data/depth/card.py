@@ -16,6 +16,8 @@ _NEEDED = {
 _FORM = {"resize": "text", "output": "text", "output_name?": "text"}
 _FORM |= {f"{key}?": "a side in px" for key in ("width", "height", "size", "multiple", "short")}
 _FORM |= {f"{key}?": "a list of 3 numbers" for key in ("mean", "std")}
+# One head may be trained on another file of the model for each dataset.
+_FORM["file_by_dataset?"] = "true or false"
 
 
 def card_for(name: str, card: Path | None) -> Card:
