@@ -9,8 +9,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from ddad_scene import write_scene
 import torch
+from ddad_scene import write_scene
 from own_models import write_graph
 
 from rsa_data.common.tokenizers import clip
@@ -51,7 +51,7 @@ def _text(release: Path, dataset: str, split: str, key: str, objects: str) -> No
 
 
 def write_paper(folder: Path) -> None:
-    """nyuv2, kitti, void, sunrgbd, sun3d and ddad below a folder, and RSA, the release's segments."""
+    """Six datasets below a folder, and RSA, the release's segments."""
     release = folder / "RSA"
     for split, place, n in (("train", "sync", 12), ("test", "official_splits/test", 3)):
         for i in range(n):
