@@ -12,22 +12,25 @@ from .inside_nms import coordinates
 from .preprocess import Geometry
 from .yolo import of_prototypes
 
-_NEEDED = {"x1", "y1", "x2", "y2", "score", "class"}
+_CORNERS, _CENTRE = ("x1", "y1", "x2", "y2"), ("x", "y", "w", "h")
 
 
 def final_rows(settings: dict[str, Any], table: ClassTable) -> Decoder:
     """`rows` (n, k) or (1, n, k) of final detections; a row with score 0 or class -1 is none.
 
-    columns : their names in order, of x1 y1 x2 y2 score class batch; others may be named `-`.
+    columns : their names in order, of x1 y1 x2 y2 score class batch, or x y w h (centre and size)
+        instead of the corners; others may be named `-`.
     axes : 2 or 3. prototypes : how many mask terms follow the columns; see yolo.
     coordinates : image or input (px), or shares of the input.
     """
     columns, axes = settings["columns"], settings.get("axes", 2)
     planes, threshold = settings.get("prototypes", 0), settings["score_threshold"]
     to_image = coordinates(settings)
-    if not set(columns) >= _NEEDED:
+    sides = _CENTRE if set(columns) >= set(_CENTRE) else _CORNERS
+    if not set(columns) >= {*sides, "score", "class"}:
         raise RsaDataError(
-            f"final-rows: expected columns with {', '.join(sorted(_NEEDED))}, found {columns}"
+            f"final-rows: expected columns with class, score, and {', '.join(_CORNERS)} or "
+            f"{', '.join(_CENTRE)}; found {columns}"
         )
     place = {name: k for k, name in enumerate(columns)}
 
@@ -36,7 +39,11 @@ def final_rows(settings: dict[str, Any], table: ClassTable) -> Decoder:
         score, number = rows[:, place["score"]], rows[:, place["class"]]
         kept = np.flatnonzero((number >= 0) & (score > threshold))
         kept = kept[np.argsort(-score[kept], kind="stable")]
-        box = to_image(rows[kept][:, [place[c] for c in ("x1", "y1", "x2", "y2")]], geometry)
+        given = rows[kept][:, [place[side] for side in sides]].astype(np.float64)  # (k, 4)
+        if sides == _CENTRE:
+            half = given[:, 2:] / 2
+            given = np.concatenate([given[:, :2] - half, given[:, :2] + half], 1)
+        box = to_image(given, geometry)
         found = Found(number[kept].astype(np.int64), score[kept], box)
         if not planes:
             return found

@@ -1,7 +1,7 @@
 """What an ONNX file tells of a detector: its input, outputs, metadata and classes."""
 
 import ast
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,12 @@ class Graph:
         return self.table.count
 
     @property
+    def is_rtdetr(self) -> bool:
+        """Whether Ultralytics exported its RT-DETR; before 8.4 only the description says so."""
+        told = self.meta.get("head", "") + self.meta.get("description", "")
+        return "task" in self.meta and "rtdetr" in told.lower().replace("-", "")
+
+    @property
     def cells(self) -> int:
         """Cells of the grids of strides 8, 16 and 32 over the input."""
         return sum(-(-self.height // s) * -(-self.width // s) for s in STRIDES)
@@ -53,7 +59,14 @@ def look(session: Any, file: str, names: ClassTable | None) -> Graph:
         sides = _size(meta, file, shape)
     table = names or _table(meta, file)
     outputs = {o.name: list(o.shape) for o in session.get_outputs()}
-    return Graph(session, pictures[0].name, sides[0], sides[1], nhwc, outputs, meta, table)
+    graph = Graph(session, pictures[0].name, sides[0], sides[1], nhwc, outputs, meta, table)
+    open_sides = any(not isinstance(side, int) for shape in outputs.values() for side in shape[1:])
+    if open_sides and len(session.get_inputs()) == 1:
+        # An export with dynamic sides: what the graph answers tells them.
+        there = dict(zip(outputs, _answers(graph, list(outputs)), strict=True))
+        shapes = {name: [*outputs[name][:1], *array.shape[1:]] for name, array in there.items()}
+        graph = replace(graph, outputs=shapes)
+    return graph
 
 
 def _size(meta: dict[str, str], file: str, shape: list[Any]) -> list[int]:
@@ -90,13 +103,18 @@ def _literal(text: str) -> Any:
 
 def probe(graph: Graph, name: str) -> np.ndarray:
     """What the graph answers to an empty picture, (n, columns): tells raw from decoded."""
+    rows: np.ndarray = _answers(graph, [name])[0][0]
+    return rows
+
+
+def _answers(graph: Graph, names: list[str]) -> list[np.ndarray]:
+    """Some outputs of the graph for an empty picture."""
     sides = (graph.height, graph.width)
     shape = (1, *sides, 3) if graph.nhwc else (1, 3, *sides)
     half = graph.session.get_inputs()[0].type == "tensor(float16)"
     grey = np.full(shape, 114, np.float16 if half else np.float32)
     try:
-        rows: np.ndarray = graph.session.run([name], {graph.name: grey})[0][0]
+        return [np.asarray(a) for a in graph.session.run(names, {graph.name: grey})]
     # onnxruntime's errors have no common base but Exception.
     except Exception as error:
         raise RsaDataError(f"running the file on an empty picture failed: {error}") from error
-    return rows

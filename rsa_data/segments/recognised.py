@@ -14,6 +14,7 @@ from ..common.errors import RsaDataError
 from .onnx_metadata import CARD, STRIDES, Graph, look, probe
 
 _V10 = ["x1", "y1", "x2", "y2", "score", "class"]
+_CENTRES = ["x", "y", "w", "h", "score", "class"]
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,14 @@ def _by_names(graph: Graph, file: str) -> _Found:
         return settings, f"DETR or one of its kin ({kind} scores)"
     spoken = {"num_dets", "det_boxes", "det_scores", "det_classes"}
     if spoken <= graph.outputs.keys():
+        if "stride" not in graph.meta:
+            raise RsaDataError(
+                f"{file}: outputs {', '.join(graph.outputs)} without metadata can be read in "
+                "several ways: YOLOv6 takes RGB / 255, or BGR of 0 to 255 if exported with its "
+                "preprocessing; DAMO-YOLO pads at the right and below, and its export for "
+                f"onnxruntime mixes up corners and centres. {CARD}: [decoder] family = "
+                '"final-boxes" with axes = 3 and coordinates = "input"'
+            )
         output = {"boxes": "det_boxes", "scores": "det_scores", "classes": "det_classes"}
         decoder = {"family": "final-boxes", "axes": 3, "coordinates": "input"}
         return _card(graph, output, decoder), "YOLO with suppression by TensorRT's names"
@@ -116,6 +125,8 @@ def _rows(graph: Graph, file: str) -> _Found:
     """Graphs that answer with final rows: (n, 7), (1, n, 6), and with mask terms (1, n, 38)."""
     name, shape = next(iter(graph.outputs.items()))
     planes = _prototypes(graph)
+    if graph.is_rtdetr:
+        return _rtdetr(graph, file, name, shape)
     if len(shape) == 2 and shape[1] in (6, 7):
         raise RsaDataError(
             f"{file}: output {name} {shape} can be read in several ways: YOLOv7 writes batch x1 y1 "
@@ -137,6 +148,26 @@ def _rows(graph: Graph, file: str) -> _Found:
         output["prototypes"] = list(graph.outputs)[1]
         decoder["prototypes"] = planes
     return _card(graph, output, decoder), "Ultralytics, end to end (x1 y1 x2 y2 score class)"
+
+
+def _rtdetr(graph: Graph, file: str, name: str, shape: list[Any]) -> _Found:
+    """Ultralytics' RT-DETR: shares x y w h with a score a class, or, since 8.4, its best class.
+
+    With two classes both have 6 columns; only the later form ends in whole numbers.
+    """
+    final = shape[-1] == 6
+    if final and graph.classes == 2:
+        last = probe(graph, name)[:, 5]
+        final = bool((last == np.round(last)).all())
+    if len(shape) != 3 or not (final or shape[2] == 4 + graph.classes):
+        return None
+    decoder: dict[str, Any] = {"family": "yolo", "overlap_threshold": 1.0}
+    output = {"predictions": name}
+    if final:
+        decoder = {"family": "final-rows", "axes": 3, "columns": _CENTRES}
+        output = {"rows": name}
+    decoder |= {"coordinates": "shares"}
+    return _card(graph, output, decoder, resize="stretch"), "Ultralytics RT-DETR"
 
 
 def _prototypes(graph: Graph) -> int:
@@ -162,9 +193,6 @@ def _grid(graph: Graph, file: str) -> _Found:
     if sides[0] == free and sides[1] != free:
         decoder |= {"columns_first": True}
         return _card(graph, output, decoder), f"Ultralytics v8 to v11{_with(planes)}"
-    if sides[1] == free and "task" in graph.meta and "RTDETR" in graph.meta.get("description", ""):
-        decoder |= {"coordinates": "shares", "overlap_threshold": 1.0}
-        return _card(graph, output, decoder, resize="stretch"), "Ultralytics RT-DETR"
     if sides[1] != rated:
         return None
     decoder |= {"objectness": True}

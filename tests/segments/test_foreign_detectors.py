@@ -201,6 +201,11 @@ def test_tensorrt_names(tmp_path):
     }
     weights = write(tmp_path / "v7.onnx", outputs, NAMES)
     check(run(tmp_path, weights), WANTED)
+    # YOLOv6 and DAMO-YOLO export the same names for other pictures, and neither writes metadata.
+    (tmp_path / "n.txt").write_text("cat\nT-shirt\ndog\n")
+    weights = write(tmp_path / "v6.onnx", outputs, {})
+    with pytest.raises(RsaDataError, match=r"YOLOv6 takes RGB.*DAMO-YOLO pads.*final-boxes"):
+        run(tmp_path, weights, names=str(tmp_path / "n.txt"))
 
 
 def test_torchvision(tmp_path):
@@ -227,6 +232,63 @@ def test_rtdetr_with_its_post_processing(tmp_path):
     weights = write(tmp_path / "rtdetr.onnx", outputs, NAMES, inputs)
     wanted = [("T-shirt", 0.9, stretched(*SEEN[0][0])), ("dog", 0.7, stretched(*SEEN[2][0]))]
     check(run(tmp_path, weights), wanted)
+
+
+RTDETR = {
+    "8.4, the best class alone": ("head", "RTDETRDecoder", 3),
+    "8.4, of two classes": ("head", "RTDETRDecoder", 2),
+    "before, a score a class": ("description", "Ultralytics rtdetr-l model", 3),
+    "before, of two classes": ("description", "Ultralytics rtdetr-l model", 2),
+}
+
+
+@pytest.mark.parametrize(("key", "value", "classes"), RTDETR.values(), ids=RTDETR)
+def test_ultralytics_rtdetr(tmp_path, key, value, classes):
+    """Shares x y w h of the stretched picture, as its 8.3 and 8.4 export them."""
+    final = key == "head"
+    rows = np.zeros((1, 300, 6 if final else 4 + classes), np.float32)
+    rows[0, :, :4] = 0.5, 0.5, 0.1, 0.1
+    rows[0, 2, :4], rows[0, 5, :4] = (0.25, 0.5, 0.1, 0.2), (0.75, 0.25, 0.5, 0.5)
+    if final:
+        rows[0, 2, 4:], rows[0, 5, 4:] = (0.9, 1), (0.7, 0)
+    else:
+        rows[0, :, 4:] = 0.125
+        rows[0, 2, 5], rows[0, 5, 4] = 0.9, 0.7
+    names = "{0: 'cat', 1: 'T-shirt', 2: 'dog'}" if classes == 3 else "{0: 'cat', 1: 'T-shirt'}"
+    meta = TASK | {"names": names, key: value}
+    weights = write(tmp_path / "rtdetr.onnx", {"output0": rows}, meta)
+    wanted = [("T-shirt", 0.9, [40, 40, 60, 60]), ("cat", 0.7, [100, 0, 200, 50])]
+    check(run(tmp_path, weights), wanted)
+    assert "Ultralytics RT-DETR" in told(weights)
+
+
+def test_sides_that_the_export_left_open(tmp_path):
+    """As dynamic=True of Ultralytics 8.4 with torch's own exporter: columns are no number."""
+    answer = grid_rows(ANCHORS, 0).T[None].copy()
+    weights = write(tmp_path / "best.onnx", {"output0": answer}, TASK)
+    model = onnx.load(weights)
+    for value, names in (
+        (model.graph.input[0], ("batch", None, "height", "width")),
+        (model.graph.output[0], ("batch", "Concatoutput0_dim_1", "anchors")),
+    ):
+        for side, name in zip(value.type.tensor_type.shape.dim, names, strict=True):
+            if name:
+                side.dim_param = name
+    onnx.save(model, weights)
+    check(run(tmp_path, weights), WANTED)
+
+
+def test_yolov6_has_an_objectness_of_one(tmp_path):
+    answer = grid_rows(ANCHORS, 1)[None]
+    answer[0, :, 4] = 1
+    answer[0, :, 5:] *= 0.95
+    (tmp_path / "n.txt").write_text("cat\nT-shirt\ndog\n")
+    weights = write(tmp_path / "v6.onnx", {"outputs": answer}, {})
+    row = run(tmp_path, weights, names=str(tmp_path / "n.txt"))
+    check(row, WANTED)
+    table = pa.table({"status": ["ok"], "label": [["cat"]]})
+    options = {"segments": "onnx", "segmenter_weights": weights, "names": str(tmp_path / "n.txt")}
+    assert "YOLOv6" in detect.STAGE.notes.write([table], **options)[0]
 
 
 @pytest.mark.parametrize("columns", [3, 4], ids=["sigmoid", "softmax"])
