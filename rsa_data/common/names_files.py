@@ -14,6 +14,9 @@ _NUMBERS = ("idx", "id", "index", "number", "class_id", "class id", "label_id", 
 _NAMES = ("name", "names", "class", "class_name", "class name", "label", "category")
 _STUFF, _THINGS = "stuff", ("isthing", "is_thing", "thing")
 
+# Three numbers in a row, with or without a name: a palette (CamVid, CVAT's labelmap.txt, DIGITS).
+_COLOUR = re.compile(r"(?<![\d.])\d{1,3}([ ,\t]+)\d{1,3}[ ,\t]+\d{1,3}(?![\d.])")
+
 _NUMBERED = re.compile(r"(\d{1,6})\s*[:=\t,;]\s*(.*)|(\d{1,6}) +(.*)")
 
 
@@ -59,6 +62,9 @@ def _of_text(text: str, path: Path) -> dict[str, Any]:
         raise _refused(path, "one line with commas; write one name a line")
     if table := _of_table([line for _, line in filled], path):
         return table
+    for number, line in filled:
+        if _COLOUR.search(line):
+            raise _refused(path, f"line {number}, a colour: {line[:60]!r}; leave the colours out")
     numbered = [_NUMBERED.fullmatch(line) for _, line in filled]
     if filled and all(numbered):
         found = [(m[1] or m[3], m[2] if m[1] else m[4]) for m in numbered if m]
@@ -78,6 +84,8 @@ def _of_table(lines: list[str], path: Path) -> dict[str, Any] | None:
     header = [field.strip().lower() for field in rows[0]] if rows else []
     number = next((header.index(n) for n in _NUMBERS if n in header), None)
     name = next((header.index(n) for n in _NAMES if n in header), None)
+    if number is None and name is not None and len(header) > 1:
+        raise _refused(path, f"a table without a column of numbers: {between.join(header)[:60]!r}")
     if number is None or name is None:
         return None
     for place, row in enumerate(rows[1:], 2):

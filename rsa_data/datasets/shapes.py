@@ -26,5 +26,20 @@ def check_aspect(shape: tuple[int, int], image: tuple[int, int], what: str) -> N
     )
 
 
+def check_turn(shape: tuple[int, int], image: tuple[int, int], orientation: int, what: str) -> None:
+    """Raises RowError for a map that may lie as the stored pixels of an image that EXIF turns.
+
+    shape : height and width of the map, which has the aspect of the image.  image : width and
+    height as displayed.  orientation : EXIF's, 1 to 8.
+    """
+    width, height = image
+    if orientation == 1 or (orientation >= 5 and not _alike(width / height, height / width)):
+        return
+    raise RowError(
+        f"{what}: the image is turned for display (EXIF orientation {orientation}), and whether "
+        f"the map of {shape[1]} x {shape[0]} px is cannot be told. Write the image upright"
+    )
+
+
 def _alike(a: float, b: float) -> bool:
     return abs(a / b - 1) <= TOLERANCE

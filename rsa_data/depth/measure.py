@@ -15,7 +15,7 @@ from ..common.prefetch import each
 from ..common.ranges import AtOnce, Count
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
-from ..datasets.shapes import check_aspect
+from ..datasets.shapes import check_aspect, check_turn
 from ..datasets.shards import name_of
 from ..runner.stage import Notes, Stage
 from ..store import schemas
@@ -112,6 +112,8 @@ def _row(
         try:
             if relative.image is not None:
                 check_aspect(depth.shape, relative.image, "ground truth")
+                turn = relative.orientation
+                check_turn(depth.shape, relative.image, turn, "ground truth")
             return row | _measure(sample["sample_id"], depth, relative, dataset, pixels, seed)
         except RowError as error:
             raise RowError(f"{name_of(sample['depth'])}: {error}") from error

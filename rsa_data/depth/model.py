@@ -15,11 +15,13 @@ class Relative:
     box : x0 y0 x1 y1, the part of the image that `y` covers, as fractions of the image's width
         and height: all of it, or the crop that the model saw.
     image : width and height of the image as displayed, px; None where it is not at hand.
+    orientation : EXIF's, 1 to 8, by which the image was turned before a model saw it.
     """
 
     y: np.ndarray
     box: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     image: tuple[int, int] | None = None
+    orientation: int = 1
 
 
 # Path of an image relative to the dataset's root -> its relative depth; raises RowError.

@@ -45,6 +45,7 @@ def build(
     def source(path: str) -> Relative:
         try:
             image = images.read_image(root / path)
+            turn = images.image_frame(root / path)[2]
             box = kb_box(*image.shape[:2]) if crop == "kb" else (0, 0, 1, 1)
             seen, part = resize(cut(image, box))
         except RowError as error:
@@ -55,7 +56,8 @@ def build(
         with alone:
             y = answer(session, name_in, pixels, name, wanted)
         y = inverse(y) if settings["output"] == "depth" else y
-        return Relative(y, inside(box, part), (image.shape[1], image.shape[0]))
+        size = image.shape[1], image.shape[0]
+        return Relative(y, inside(box, part), size, turn)
 
     return source
 

@@ -124,6 +124,8 @@ def segments(
     shown = (width, height) if turn < 5 else (height, width)
     if any(result.get("segmentation") for result in ordered):
         decoded = [coco_masks.decode(result, width, height) for result in ordered]
+        for result, mask in zip(ordered, decoded, strict=True):
+            coco_masks.check_meets_box(result, mask)
         decoded = [frames.turned(mask, turn) for mask in decoded]
         found = Found(number, score, masks=decoded, is_thing=things, label=labels)
         return to_segments(found, *shown, table, with_masks=with_masks)
@@ -181,7 +183,7 @@ def _read(
     listed = last.get("images")
     if listed is not None:
         at = f"{_WHERE}: {paths[-1].name}: images"
-        coco_json.check(listed, coco_json.IMAGE, at)
+        listed = coco_json.images(listed, at)
         coco_json.once([partners.number_key(record["id"]) for record in listed], f"{at}: id")
         ids = {partners.number_key(record["id"]) for record in listed}
         strange = {r["image_id"] for r in results if partners.number_key(r["image_id"]) not in ids}

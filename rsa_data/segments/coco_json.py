@@ -18,6 +18,20 @@ RESULT = {"image_id": "a number or text", "category_id": "a whole number", "scor
 RESULT |= {"bbox?": "a list of numbers"}
 
 
+def images(content: Any, where: str) -> list[dict[str, Any]]:
+    """The images of a file, checked; LVIS names them by coco_url instead of file_name."""
+    listed: list[Any] = content if isinstance(content, list) else [content]
+    named = [
+        image | {"file_name": "/".join(image["coco_url"].split("/")[-2:])}
+        if isinstance(image, dict)
+        and "file_name" not in image
+        and isinstance(image.get("coco_url"), str)
+        else image
+        for image in listed
+    ]
+    return check(named if isinstance(content, list) else content, IMAGE, where)
+
+
 def load(path: Path, where: str) -> Any:
     """The content of a JSON file; RsaDataError when it is none."""
     try:

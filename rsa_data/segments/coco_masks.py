@@ -56,9 +56,31 @@ def _of_box(result: dict[str, Any], width: int, height: int) -> np.ndarray:
 
 def _check_polygons(polygons: list[Any], height: int, width: int) -> None:
     """Points far outside would take memory by their distance; all within 0 to 1 are shares."""
+    for polygon in polygons:
+        # pycocotools takes four numbers for a box x, y, width, height.
+        if not isinstance(polygon, list) or len(polygon) < 6 or len(polygon) % 2:
+            raise RowError(
+                f"polygon: expected lists of three points or more, x and y of each; found "
+                f"{str(polygon)[:60]}"
+            )
     points = np.concatenate([np.asarray(polygon, np.float64).ravel() for polygon in polygons])
     most = 2 * max(height, width)
     if not (np.abs(points) <= most).all():
         raise RowError(f"polygon: expected points in the image, found one beyond {most} px")
     if (points <= 1).all() and min(height, width) > 8:
         raise RowError("polygon: expected points in px, found shares of the image, all 0 to 1")
+
+
+def check_meets_box(result: dict[str, Any], mask: np.ndarray) -> None:
+    """Raises RowError for a mask without any pixel in the box that the same result gives."""
+    box: list[float] = result.get("bbox") or []
+    if len(box) != 4 or not result.get("segmentation") or not mask.any():
+        return
+    x, y, w, h = box
+    inside = mask[max(0, int(y) - 1) : int(y + h) + 2, max(0, int(x) - 1) : int(x + w) + 2]
+    if not inside.any():
+        rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+        raise RowError(
+            f"expected the segmentation to lie in its bbox {list(box)}; found it from x "
+            f"{columns[0]} to {columns[-1]} and y {rows[0]} to {rows[-1]}. Are x and y exchanged?"
+        )

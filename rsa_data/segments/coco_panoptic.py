@@ -79,7 +79,7 @@ def build(
 
 def _records(content: dict[str, Any], where: str) -> dict[partners.Key, dict[str, Any]]:
     """The images of the file by their ids, each once."""
-    listed = coco_json.check(content["images"], coco_json.IMAGE, f"{where}: images")
+    listed = coco_json.images(content["images"], f"{where}: images")
     keys = [partners.number_key(record["id"]) for record in listed]
     coco_json.once(keys, f"{where}: images: id")
     return dict(zip(keys, listed, strict=True))

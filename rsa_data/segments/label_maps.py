@@ -133,6 +133,11 @@ def segments(numbers: np.ndarray, table: ClassTable, with_masks: bool = False) -
     there = np.unique(numbers)
     if strange := [n for n in there.tolist() if n not in table.names and n not in (0, 255)]:
         raise RowError(f"expected class numbers of the table, found {strange[:5]}")
+    if table.count == 2 and there.tolist() in ([0, 255], [255]):
+        raise RowError(
+            "expected the class numbers 0 and 1, found 0 and 255: a mask. Divide it by 255, or "
+            "name the class 255 in a table of numbers and names"
+        )
     named = np.array([n for n in there.tolist() if n in table.names], np.int64)
     place = np.full(int(numbers.max()) + 1, -1)
     place[named] = np.arange(len(named))
