@@ -1,11 +1,11 @@
 """What the documentation takes from the code, so that it cannot say anything else.
 
-    python docs/generate.py            # writes docs/formats.md from schemas/, and
-                                       # docs/performance.md from benchmarks/results/
+    python docs/generate.py            # writes formats.md from schemas/, api.md from docstrings
+                                       # and performance.md from benchmarks/results/
     python docs/generate.py --check    # exits 1 when one of them is not what they say
 
-As a hook of mkdocs (mkdocs.yml) it also adds, at every build, the pages commands.md from the
-command line itself and api.md from the docstrings.
+As a hook of mkdocs (mkdocs.yml) it also adds, at every build, the page commands.md from the command
+line itself.
 """
 
 import ast
@@ -13,6 +13,7 @@ import inspect
 import json
 import re
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,10 @@ import click
 import rsa_data
 from rsa_data.cli.main import Group, cli, names
 from rsa_data.common import cards
+from rsa_data.heads.checkpoint import ScaleHead
 from rsa_data.store import schemas
+from rsa_data.views.open_work import OpenDataset, OpenTable, OpenWork
+from rsa_data.views.torch_dataset import ShardDataset, ShardStream
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -174,14 +178,25 @@ def _cell(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value).replace("|", "\\|")
 
 
+# Public classes and what calls give back, with the methods that are documented.
+_CLASSES = (ShardDataset, ShardStream, OpenWork, OpenDataset, OpenTable, ScaleHead)
+
+
 def api() -> str:
     """docs/api.md: the public names of the package and their docstrings."""
-    parts = ["# Python API\n", "Generated from the docstrings; nothing else is public.\n"]
-    for name in rsa_data.__all__:
-        found = getattr(rsa_data, name)
-        error = isinstance(found, type) and issubclass(found, Exception)
-        signature = "" if error else inspect.signature(found)
-        parts.append(f"## {name}\n\n```text\n{name}{signature}\n\n{inspect.getdoc(found)}\n```\n")
+    parts = [
+        "# Python API\n",
+        "Generated from the docstrings by `docs/generate.py`; nothing else is public. "
+        "[The notebook](notebook.ipynb) shows most of it on the work dir of `rsa-data demo`.\n",
+    ]
+    given = [found for found in _CLASSES if found.__name__ not in rsa_data.__all__]
+    for found in [*(getattr(rsa_data, name) for name in rsa_data.__all__), *given]:
+        parts.append(f"## {found.__name__}\n\n```text\n{_described(found)}\n```\n")
+        if found in _CLASSES:
+            for name, member in vars(found).items():
+                method = getattr(member, "__func__", member)
+                if inspect.isfunction(method) and not name.startswith("_") and method.__doc__:
+                    parts.append(f"```text\n{found.__name__}.{_described(method)}\n```\n")
     return "\n".join(parts)
 
 
@@ -209,12 +224,26 @@ def readme() -> str:
     return _BLOCK.sub(lambda _: table, (ROOT / "README.md").read_text("utf-8"))
 
 
+def _described(found: Any) -> str:
+    """Signature as the source has it, whatever Python prints of types, and docstring."""
+    signature = ""
+    if not (inspect.isclass(found) and issubclass(found, Exception)):
+        (node,) = ast.parse(textwrap.dedent(inspect.getsource(found))).body
+        if isinstance(node, ast.ClassDef):
+            defined = (n for n in node.body if isinstance(n, ast.FunctionDef))
+            node = next(n for n in defined if n.name == "__init__")
+        assert isinstance(node, ast.FunctionDef)
+        node.args.args = [a for a in node.args.args if a.arg not in ("self", "cls")]
+        returns = f" -> {ast.unparse(node.returns)}" if node.returns and node.name[0] != "_" else ""
+        signature = f"({ast.unparse(node.args)}){returns}"
+    return f"{found.__name__}{signature}\n\n{inspect.getdoc(found)}"
+
+
 def on_files(files: Any, config: Any, **_: Any) -> Any:
     """mkdocs asks for the list of pages."""
     from mkdocs.structure.files import File
 
-    for name, make in (("commands.md", commands), ("api.md", api)):
-        files.append(File.generated(config, name, content=make()))
+    files.append(File.generated(config, "commands.md", content=commands()))
     return files
 
 
@@ -222,6 +251,7 @@ def main(arguments: list[str]) -> int:
     """Writes or checks the pages that stand in docs/, and the table of models in README.md."""
     pages = {
         HERE / "formats.md": formats(),
+        HERE / "api.md": api(),
         HERE / "performance.md": performance(),
         ROOT / "README.md": readme(),
     }

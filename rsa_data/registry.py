@@ -240,6 +240,16 @@ METRICS = Entries(
     },
 )
 
+PROTOCOLS = Entries(
+    "protocols",
+    {
+        "rsa": "rsa_data.evaluation.protocols:RSA",
+        "bts": "rsa_data.evaluation.protocols:BTS",
+        "monodepth2": "rsa_data.evaluation.protocols:MONODEPTH2",
+        "depth-anything": "rsa_data.evaluation.protocols:DEPTH_ANYTHING",
+    },
+)
+
 # What other rooms reach through the registry, as they may not import it.
 UPWARDS = {
     "scale-head": "rsa_data.heads.checkpoint:ScaleHead",

@@ -119,6 +119,13 @@ def test_page_of_the_commands_has_every_one():
     assert re.findall(r"^## (\S+)", made, re.MULTILINE) == list(cli.list_commands(None))
 
 
+def test_the_api_page_says_what_docstrings_say():
+    page = (ROOT / "docs" / "api.md").read_text("utf-8")
+    assert page == generator().api()
+    for name in ("open_work(location", "OpenTable.to_pandas(", "ShardStream.state_dict("):
+        assert f"```text\n{name}" in page, name
+
+
 def test_performance_is_what_benchmarks_left():
     made, page = generator(), (ROOT / "docs" / "performance.md").read_text("utf-8")
     assert page == made.performance(), "run python docs/generate.py"

@@ -1,26 +1,26 @@
 """docs/extending.md: its blocks are written to files and used through the command line."""
 
-import configparser
+import json
 import os
 import re
+import shutil
+import sqlite3
 import subprocess
 import sys
-import tomllib
+from contextlib import closing
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
-import pyarrow as pa
+import pandas as pd
 import pytest
 from own_models import write_graph
 from PIL import Image
 
-from rsa_data.heads.inputs.kinds import Feed
 from rsa_data.store.tables import WorkDir
 
 PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text("utf-8")
 BLOCKS = dict(re.findall(r"<!-- example: ([\w-]+) -->\n```\w+\n(.*?)```", PAGE, re.DOTALL))
-MODULES = {name: code for name, code in BLOCKS.items() if name != "entry-points"}
+MODULES = {name: code for name, code in BLOCKS.items() if name != "pyproject"}
 SCRIPT = re.search(r"<!-- run: extending -->\n```bash\n(.*?)```", PAGE, re.DOTALL)[1]
 
 
@@ -55,15 +55,24 @@ def shell(script: str, folder: Path, code: int | None = 0, **variables: str) -> 
     return done.stdout + done.stderr
 
 
-def install(folder: Path) -> None:
-    """Metadata as pip writes it, with the page's entry points."""
-    info = folder / "example_parts-1.2.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: example-parts\nVersion: 1.2\n")
-    points = configparser.ConfigParser()
-    points.read_dict(tomllib.loads(BLOCKS["entry-points"])["project"]["entry-points"])
-    with (info / "entry_points.txt").open("w") as file:
-        points.write(file)
+@pytest.fixture(scope="session")
+def package(tmp_path_factory) -> Path:
+    """The package of the page, as pip installs it: its head names the input by its entry point."""
+    source, site = tmp_path_factory.mktemp("example"), tmp_path_factory.mktemp("site")
+    (source / "pyproject.toml").write_text(BLOCKS["pyproject"])
+    for name, code in MODULES.items():
+        (source / f"{name}.py").write_text(code.replace('"focal:FOCAL"', '"focal"'))
+    options = ["--no-index", "--no-deps", "--no-build-isolation", "--quiet", "--target", site]
+    words = [sys.executable, "-m", "pip", "install", *map(str, options), str(source)]
+    subprocess.run(words, check=True, timeout=300)
+    return site
+
+
+@pytest.fixture
+def installed(folder, package) -> Path:
+    """The folder, with the package instead of loose modules."""
+    shutil.copytree(package, folder, dirs_exist_ok=True)
+    return folder
 
 
 @pytest.mark.slow
@@ -75,7 +84,10 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     tables = work.tables("office")
     assert {"segments/halves-build", "embeddings/images/colours-COLOURS"} <= set(tables)
     assert {"embeddings/shares-SHARES/letters-LETTERS", "depth/floor-build"} <= set(tables)
-    assert (folder / "work/heads/wide/evaluation/rsa/summary.md").is_file()
+    assert (folder / "work/heads/wide/evaluation/inner-INNER/summary.md").is_file()
+    assert "no problems" in shell("rsa-data verify", folder, RSA_DATA_CODE="wide:Wide")
+    described = json.loads((folder / "work/heads/wide/_table.json").read_text())
+    assert set(described["code"]) == {"wide:Wide", "inverse:INVERSE_L1", "focal:FOCAL"}
 
     # The source is part of the fingerprint: a changed module is another one.
     (folder / "shares.py").write_text(MODULES["shares"] + "\n# changed\n")
@@ -85,15 +97,20 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     said = shell(again, folder, code=1)
     assert "--start-over" in said and "sha256" in said
 
+    (folder / "inverse.py").write_text(MODULES["inverse"] + "\n# changed\n")
+    (train,) = (line for line in SCRIPT.splitlines() if "train-head" in line)
+    said = shell(train, folder, code=1, RSA_DATA_CODE="office:office,wide:Wide")
+    assert "code.inverse:INVERSE_L1: the table has" in said and "--start-over" in said
+
     # What a file names is not imported.
     said = shell("rsa-data evaluate --head wide", folder, code=None, RSA_DATA_CODE="office:office")
     assert "RSA_DATA_CODE=wide:Wide" in said
 
 
 @pytest.mark.slow
-def test_an_installed_package_adds_names(folder):
-    install(folder)
-    names = re.sub(r"(\w+):(?:office|build|[A-Z]+|Wide)\b", r"\1", SCRIPT)
+def test_an_installed_package_adds_names(installed):
+    folder = installed
+    names = re.sub(r"(\w+):(?:office|build|[A-Z]\w+)\b", r"\1", SCRIPT)
     names = re.sub(r"-(SHARES|LETTERS)\b", "", names)
     names = re.sub(r"export RSA_DATA_CODE=.*\n", "", names)
     shell(names, folder)
@@ -102,8 +119,30 @@ def test_an_installed_package_adds_names(folder):
     source = work.table("office", "captions/shares").description().identity
     assert source["code_package"] == "example-parts 1.2" and source["code"] == "shares:SHARES"
     listed = shell("rsa-data list", folder)
-    for name in ("office", "halves", "shares", "letters", "colours", "floor", "wide"):
+    for name in ("office", "halves", "shares", "letters", "colours", "floor", "wide", "inverse",
+                 "within10cm", "inner"):  # fmt: skip
         assert re.search(rf"^  {name} .*\(example-parts 1\.2\)$", listed, re.MULTILINE), name
+
+    # The metric is a column, its protocol counts the inner pixels, the head has read fx.
+    place = folder / "work/heads/wide/evaluation/inner"
+    frame = pd.read_parquet(place / "metrics.parquet").query("status == 'ok'")
+    assert frame["within10cm"].between(0, 1).all() and "within 10 cm" in (
+        place / "summary.md").read_text()  # fmt: skip
+    assert set(frame["n_valid"]) == {(24 - 2 * 2) * (32 - 2 * 3)}
+    assert set(json.loads((place / "_evaluation.json").read_text())["code"]) == {
+        "within:WITHIN", "inner:INNER",
+    }  # fmt: skip
+    head = json.loads((folder / "work/heads/wide/head.json").read_text())
+    assert [given["encoder"] for given in head["features"]["beside"]] == ["focal"]
+    assert head["features"]["dim"] == 27 + 1 and head["options"]["loss"] == "inverse"
+
+    # A work dir in a store of the package's.
+    first = "rsa-data captions --dataset office --root photos --segments halves --style shares"
+    shell(f"{first} --work sqlite://made.db && rsa-data verify --work sqlite://made.db", folder)
+    with closing(sqlite3.connect(folder / "made.db")) as database:
+        files = {path for (path,) in database.execute("SELECT path FROM files")}
+    there = work.table("office", "captions/shares")
+    assert {f"office/captions/shares/{there.receipt(n).file}" for n in there.parts()} <= files
 
     # A card may name the installed decoder.
     rows = np.array([[[1, 0.9, 0.25, 0, 0.75, 1], [0, 0.1, 0, 0, 1, 1]]], np.float32)
@@ -129,8 +168,8 @@ def test_an_installed_package_adds_names(folder):
     assert row["label"] == ["chair"] and row["box"] == [[8, 0, 24, 24]]
 
 
-def test_a_broken_entry_breaks_nothing_else(folder):
-    install(folder)
+def test_a_broken_entry_breaks_nothing_else(installed):
+    folder = installed
     (folder / "shares.py").write_text("import no_such_module\n")
     listed = shell("rsa-data list styles", folder)
     assert "no_such_module" in listed and "occupancy" in listed
@@ -140,28 +179,6 @@ def test_a_broken_entry_breaks_nothing_else(folder):
     shell(f"{captions} --style occupancy", folder)
 
 
-def test_a_name_that_nobody_knows_lists_installed_ones_too(folder):
-    install(folder)
-    said = shell("rsa-data captions --dataset office --style share", folder, code=2)
+def test_a_name_that_nobody_knows_lists_installed_ones_too(installed):
+    said = shell("rsa-data captions --dataset office --style share", installed, code=2)
     assert "Did you mean 'shares'" in said
-
-
-def test_examples_of_a_loss_a_metric_and_an_input_compute_what_they_say(tmp_path):
-    torch = pytest.importorskip("torch")
-    made = {}
-    for name in ("inverse-l1", "within10cm", "focal"):
-        exec(BLOCKS[name], made)
-    predicted, true = torch.tensor([[1.0, 2.0]]), torch.tensor([[2.0, 4.0]])
-    assert made["INVERSE_L1"].of(predicted, true).tolist() == [0.375]
-    depth = np.array([1.0, 2.0, 3.0, 4.0])
-    gone = np.array([0.05, 0.5, -0.05, 0.0])
-    assert made["WITHIN"].of(SimpleNamespace(difference=gone, gt=depth)) == 0.75
-    samples = pa.table({"fx": [500.0, None, 700.0]})
-    work = SimpleNamespace(
-        table=lambda dataset, name: SimpleNamespace(read=lambda n, columns: samples.select(columns))
-    )
-    feed = Feed("focal", made["FOCAL"].table)
-    block = made["FOCAL"].read(work, "x", feed, 0, None)
-    assert block.there.tolist() == [True, False, True] and block.width == 1
-    rows = block.rows(np.array([0, 2]), np.zeros(2))
-    assert rows.tolist() == [[500.0], [700.0]] and rows.dtype == np.float32

@@ -74,7 +74,7 @@ def test_import_is_light(module):
 
 def test_what_list_reads_from_sources_is_what_the_objects_say():
     listed = ("DATASETS", "SEGMENTERS", "DECODERS", "STYLES", "TOKENIZERS", "ENCODERS",
-              "IMAGE_ENCODERS", "DEPTH_MODELS", "HEADS", "LOSSES")  # fmt: skip
+              "IMAGE_ENCODERS", "DEPTH_MODELS", "HEADS", "LOSSES", "PROTOCOLS")  # fmt: skip
     for table in (getattr(registry, name) for name in listed):
         for name, told in registry.described(table):
             if cards.about(name) is None:

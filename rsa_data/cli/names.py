@@ -76,5 +76,7 @@ _KINDS: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "depth-models": lambda: registry.described(registry.DEPTH_MODELS),
     "heads": lambda: registry.described(registry.HEADS),
     "losses": lambda: registry.described(registry.LOSSES),
+    "metrics": lambda: registry.described(registry.METRICS),
+    "protocols": lambda: registry.described(registry.PROTOCOLS),
     "jobs": pipeline_docs.described,
 }

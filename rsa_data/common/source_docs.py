@@ -10,9 +10,9 @@ _PACKAGE = Path(__file__).parents[1]
 def doc(target: str) -> str | None:
     """The documentation of `module:attribute` of this package; None where its source shows none.
 
-    That is the docstring of a function or class. An object that is made by a call has the text that
-    the call is given first, or the docstring of the function that it is given first, or that of its
-    class where it is given none.
+    That is the docstring of a function or class. An object that is made by a call has the longest
+    text that the call is given, or the docstring of the function that it is given first, or that of
+    its class where it is given none.
     """
     module, _, attribute = target.partition(":")
     root, _, below = module.partition(".")
@@ -44,9 +44,11 @@ def _docstring(node: ast.AST) -> str | None:
 
 
 def _given(call: ast.Call, names: dict[str, ast.AST]) -> str | None:
-    for value in (*call.args, *(k.value for k in call.keywords if k.arg == "doc")):
-        if isinstance(value, ast.Constant) and isinstance(value.value, str):
-            return value.value
+    values = [*call.args, *(k.value for k in call.keywords if k.arg in ("doc", "formula"))]
+    constants = [value.value for value in values if isinstance(value, ast.Constant)]
+    if texts := [text for text in constants if isinstance(text, str)]:
+        return max(texts, key=len)
+    for value in values:
         if isinstance(value, ast.Name) and (text := _docstring(names.get(value.id, value))):
             return text
     own = names.get(call.func.id) if isinstance(call.func, ast.Name) else None

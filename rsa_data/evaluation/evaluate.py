@@ -12,7 +12,7 @@ from ..datasets import labels
 from ..heads.belong import Tables
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir
-from . import output
+from . import output, protocols
 from .breakdown import by_description
 from .constants import fit_constants
 from .external import external_methods
@@ -184,7 +184,7 @@ def notes(about: "Description", rows: Sequence[Row], measuring: Measuring) -> li
                 "why: error in metrics.parquet."
             )
     said += labels.note({row.dataset for row in rows if row.synthetic})
-    if measuring.protocol == "monodepth2":
+    if protocols.protocol(measuring.protocol).median_scaled:
         said.append("Every prediction is scaled by the ground truth's median before clipping.")
     if measuring.beyond == "near":
         said.append(

@@ -76,6 +76,7 @@ _EIGEN = "Eigen et al. 2014"
 
 
 def _delta(power: int, short: bool = False) -> Metric:
+    """share of pixels with max(gt / pred, pred / gt) below a power of 1.25"""
     return Metric(
         f"delta{power}",
         f"δ{power}",
@@ -87,7 +88,9 @@ def _delta(power: int, short: bool = False) -> Metric:
     )
 
 
-DELTA1, DELTA2, DELTA3 = _delta(1, short=True), _delta(2), _delta(3)
+DELTA1 = _delta(1, short=True)
+DELTA2 = _delta(2)
+DELTA3 = _delta(3)
 ABS_REL = Metric(
     "abs_rel",
     "AbsRel",

@@ -3,16 +3,15 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from ..common.errors import unknown
+from .. import registry
 from ..common.ranges import Count
-from .protocols import PROTOCOLS
 
 
 @dataclass(frozen=True)
 class Measuring:
     """How it is measured.
 
-    protocol : crops, depth range and scaling; rsa, bts, monodepth2 or depth-anything.
+    protocol : crops, depth range and scaling; one of `rsa-data list protocols`.
     split : what to measure on; its depth must be stored as whole maps. Another one for single
         datasets as test,ddad=val.
     beyond : depth where scale * y + shift is negative: far, the maximum, or near, the minimum, as
@@ -26,5 +25,4 @@ class Measuring:
     draws: Count = 1000
 
     def __post_init__(self) -> None:
-        if self.protocol not in PROTOCOLS:
-            raise unknown("protocol", self.protocol, PROTOCOLS)
+        registry.check("protocol", registry.PROTOCOLS, self.protocol)

@@ -13,6 +13,7 @@ import msgspec
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from .. import registry
 from ..common.errors import RsaDataError
 from ..common.typed import parse
 from ..runner.collection import Collection
@@ -31,7 +32,8 @@ class Record(msgspec.Struct, kw_only=True, frozen=True):
     """_evaluation.json.
 
     heads : sha256 of the head.json of each head measured, by name. datasets, split, protocol,
-    beyond : what was measured, and how. files : sha256 by name.
+    beyond : what was measured, and how. files : sha256 by name. code : sha256 of the module of each
+    protocol and metric that is not this package's.
     """
 
     heads: dict[str, str]
@@ -40,6 +42,7 @@ class Record(msgspec.Struct, kw_only=True, frozen=True):
     protocol: str
     beyond: str = "far"
     files: dict[str, str] = {}
+    code: dict[str, str] | msgspec.UnsetType = msgspec.UNSET
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,12 @@ def _unchanged(work: WorkDir, folder: str, record: Record) -> None:
 
 def record_of(heads: dict[str, str], datasets: Sequence[str], measuring: Measuring) -> Record:
     """The record of what is about to be written."""
+    names = [(registry.PROTOCOLS, measuring.protocol)]
+    names += [(registry.METRICS, name) for name in registry.METRICS]
+    found = [source for entries, name in names if (source := entries.source(name))]
+    code = {source["code"]: source["code_sha256"] for source in found}
     return Record(
+        code=code if code else msgspec.UNSET,
         heads=heads,
         datasets=list(datasets),
         split=measuring.split,
@@ -123,7 +131,7 @@ def folder_name(measuring: Measuring, datasets: Sequence[str]) -> str:
     another split stands beside the first.
     """
     parts = [
-        measuring.protocol,
+        measuring.protocol.replace(":", "-"),  # of module:attribute
         *([measuring.beyond] if measuring.beyond != "far" else []),
         *([measuring.split] if measuring.split != "test" else []),
         *(["+".join(datasets)] * bool(datasets)),

@@ -1,12 +1,13 @@
 """Which pixels count and in what range: the protocols of the codebases that tables come from."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ..common.errors import RowError, UsageError, unknown
+from .. import registry
+from ..common.errors import RowError, UsageError
 from ..datasets import index
 from ..datasets.dataset import Dataset
 from ..datasets.kitti import CROP
@@ -88,40 +89,63 @@ _RSA = {
 }
 _BTS = _RSA | {"nyuv2": Rules(eigen, _MIN, 10.0)}
 
-# Protocol -> dataset -> rules. A dataset that is not named is evaluated whole, in its own range.
-PROTOCOLS: dict[str, dict[str, Rules]] = {
-    "rsa": _RSA,
-    "bts": _BTS,
-    "monodepth2": {
+
+@dataclass(frozen=True)
+class Protocol:
+    """What is measured on every dataset.
+
+    about : a sentence for lists, with where it comes from.
+    rules : by the dataset's name in the registry. Datasets without rules are evaluated whole, in
+        their own range.
+    median_scaled : whether these are scaled by the median, see Rules.
+    """
+
+    about: str
+    rules: Mapping[str, Rules]
+    median_scaled: bool = False
+
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]
+        return self.about
+
+    def of(self, dataset: Dataset, kind: str) -> Rules:
+        """The rules for a dataset.
+
+        kind : the dataset's name in the registry, where `dataset.name` may be a user's own.
+        """
+        own = Rules(whole, dataset.min_depth, dataset.max_depth, median_scaled=self.median_scaled)
+        return self.rules.get(kind, own)
+
+
+RSA = Protocol(
+    "Whole NYUv2 and VOID, KITTI in the KB crop and Garg's of that, as RSA has it.", _RSA
+)
+BTS = Protocol("As rsa, with Eigen's crop on NYUv2, as BTS and Depth Anything have it.", _BTS)
+MONODEPTH2 = Protocol(
+    "Eigen's and Garg's crops, each prediction scaled by the ground truth's median (Monodepth2).",
+    {
         "nyuv2": Rules(eigen, _MIN, 10.0, median_scaled=True),
         "kitti": Rules(garg, _MIN, 80.0, median_scaled=True),
     },
-    "depth-anything": _BTS
-    | {
-        "sunrgbd": Rules(eigen_numbers, _MIN, 8.0),
-        "ddad": Rules(garg, _MIN, 80.0),
-    },
-}
+    median_scaled=True,
+)
+DEPTH_ANYTHING = Protocol(
+    "As bts, with the ranges and crops that Depth Anything's code takes for SUN RGB-D and DDAD.",
+    {**_BTS, "sunrgbd": Rules(eigen_numbers, _MIN, 8.0), "ddad": Rules(garg, _MIN, 80.0)},
+)
 
 
-def rules(protocol: str, dataset: Dataset, kind: str) -> Rules:
-    """The rules of a protocol for a dataset.
-
-    kind : the dataset's name in the registry, where `dataset.name` may be a user's own.
-    Raises UsageError for an unknown protocol.
-    """
-    if protocol not in PROTOCOLS:
-        raise unknown("protocol", protocol, PROTOCOLS)
-    own = Rules(whole, dataset.min_depth, dataset.max_depth, median_scaled=protocol == "monodepth2")
-    return PROTOCOLS[protocol].get(kind, own)
+def protocol(name: str) -> Protocol:
+    """A protocol by its name; raises UsageError for an unknown one."""
+    found: Protocol = registry.resolve("protocol", registry.PROTOCOLS, name)
+    return found
 
 
-def of_names(protocol: str | None, dataset: str | None) -> Rules:
+def of_names(name: str | None, dataset: str | None) -> Rules:
     """The rules of a protocol for a dataset of the registry, both by name."""
-    if protocol is None or dataset is None:
+    if name is None or dataset is None:
         raise UsageError("depth_errors: expected protocol and dataset together")
-    if protocol not in PROTOCOLS:
-        raise unknown("protocol", protocol, PROTOCOLS)
-    if dataset in PROTOCOLS[protocol]:
-        return PROTOCOLS[protocol][dataset]
-    return rules(protocol, index.open_dataset(dataset, {})[0], dataset)
+    found = protocol(name)
+    if dataset in found.rules:
+        return found.rules[dataset]
+    return found.of(index.open_dataset(dataset, {})[0], dataset)

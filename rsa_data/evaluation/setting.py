@@ -12,8 +12,9 @@ from ..datasets import index
 from ..heads.belong import Source, Tables
 from ..heads.sources import sources as find_sources
 from ..store.tables import WorkDir
+from . import protocols
 from .inputs import TestPart
-from .protocols import Rules, rules
+from .protocols import Rules
 
 if TYPE_CHECKING:
     from ..heads.description import Description
@@ -110,7 +111,8 @@ def rules_of(
 ) -> Rules:
     """The protocol's rules for a dataset of the work dir."""
     kind = work.table(name, "samples").description().options["dataset"]
-    return replace(rules(protocol, index.load_dataset(work, name), kind), beyond=beyond)
+    rules = protocols.protocol(protocol).of(index.load_dataset(work, name), kind)
+    return replace(rules, beyond=beyond)
 
 
 def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]:

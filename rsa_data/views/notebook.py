@@ -101,7 +101,7 @@ def predict_depth(
     """
     from PIL import Image
 
-    from ..datasets.images import read_image
+    from ..datasets.images import image_size, read_image
     from ..heads.checkpoint import ScaleHead
     from ..heads.metric import to_metric
     from ..heads.predict.asking import Asking
@@ -131,10 +131,9 @@ def predict_depth(
             found, own = describer(about, place.parent, models)(place.name)
         said = ask(own, found, read_image(place) if "image" in ask.kinds else None)
         if relative is None:
-            with Image.open(place) as opened:
-                size = opened.height, opened.width
+            width, height = image_size(place)
             source = relative_source(about, place.parent, models)
-            relative = relative_map(source, place.name, size)
+            relative = relative_map(source, place.name, (height, width))
     depth: np.ndarray = to_metric(np.asarray(relative), said.scale, said.shift)
     return depth
 

@@ -12,7 +12,7 @@ from flat import evaluate, train_head
 
 from rsa_data import ScaleHead, depth_errors
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.evaluation import setting
+from rsa_data.evaluation import protocols
 from rsa_data.evaluation.metrics import metrics
 from rsa_data.evaluation.summary import interval
 from rsa_data.store.tables import WorkDir
@@ -86,10 +86,7 @@ def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
 
 def test_monodepth2_scales_by_the_median(work, monkeypatch):
     # The crop of NYU is for frames of 640x480 px: let the small ones be a dataset of no crop.
-    kinds = setting.rules
-    monkeypatch.setattr(
-        setting, "rules", lambda protocol, dataset, kind: kinds(protocol, dataset, "folder")
-    )
+    monkeypatch.delitem(protocols.MONODEPTH2.rules, "nyuv2")
     frame = evaluate(work, protocol="monodepth2").table.to_pandas()
     head = frame[frame["method"] == "head"].to_dict("records")
     for (y, gt), row in zip(maps(work, "nyuv2", 1), head, strict=True):

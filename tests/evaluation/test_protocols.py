@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsa_data import depth_errors
+from rsa_data import depth_errors, registry
 from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets.dataset import Dataset
 from rsa_data.evaluation import protocols
@@ -40,25 +40,25 @@ def monodepth2_kitti(height, width):
 def test_kitti(size):
     for name in ("rsa", "bts", "depth-anything"):
         np.testing.assert_array_equal(
-            protocols.rules(name, ANY, "kitti").region(*size), bts_kitti(*size)
+            protocols.protocol(name).of(ANY, "kitti").region(*size), bts_kitti(*size)
         )
-    own = protocols.rules("monodepth2", ANY, "kitti")
+    own = protocols.protocol("monodepth2").of(ANY, "kitti")
     np.testing.assert_array_equal(own.region(*size), monodepth2_kitti(*size))
 
 
 def test_nyu():
-    assert protocols.rules("rsa", ANY, "nyuv2").region(480, 640).all()
+    assert protocols.protocol("rsa").of(ANY, "nyuv2").region(480, 640).all()
     for name in ("bts", "monodepth2", "depth-anything"):
-        region = protocols.rules(name, ANY, "nyuv2").region(480, 640)
+        region = protocols.protocol(name).of(ANY, "nyuv2").region(480, 640)
         assert region.sum() == (471 - 45) * (601 - 41) == region[45:471, 41:601].sum()
 
 
 def test_ranges():
     found = {
         (p, kind): (r.min_depth, r.max_depth, r.median_scaled)
-        for p in protocols.PROTOCOLS
+        for p in registry.PROTOCOLS
         for kind in ("nyuv2", "kitti", "void", "sunrgbd", "folder")
-        for r in [protocols.rules(p, ANY, kind)]
+        for r in [protocols.protocol(p).of(ANY, kind)]
     }
     plain, own = False, (0.3, 20.0)
     expected = {
@@ -71,7 +71,7 @@ def test_ranges():
         ("rsa", "sunrgbd"): (*own, plain),
         ("bts", "sunrgbd"): (*own, plain),
     }
-    for p in protocols.PROTOCOLS:
+    for p in registry.PROTOCOLS:
         scaled = p == "monodepth2"
         expected[p, "nyuv2"] = (1e-3, 10.0, scaled)
         expected[p, "kitti"] = (1e-3, 80.0, scaled)
@@ -85,12 +85,12 @@ def test_ranges():
 )
 def test_a_crop_on_another_size_is_refused(protocol, kind, size):
     with pytest.raises(RowError, match=f"found {size[1]}x{size[0]}"):
-        protocols.rules(protocol, replace(ANY), kind).region(*size)
+        protocols.protocol(protocol).of(replace(ANY), kind).region(*size)
 
 
 def test_an_unknown_protocol_names_the_nearest():
     with pytest.raises(UsageError, match="Did you mean 'monodepth2'"):
-        protocols.rules("monodepth", ANY, "nyuv2")
+        protocols.protocol("monodepth").of(ANY, "nyuv2")
 
 
 SUN = [(530, 730), (427, 561), (531, 681), (441, 591), (240, 320)]
@@ -101,7 +101,7 @@ def test_sun_rgbd_as_depth_anything_slices_it(size):
     """Depth Anything metric_depth, SUN RGB-D: eval_mask[45:471, 41:601] = 1 at every size."""
     mask = np.zeros(size, bool)
     mask[45:471, 41:601] = True
-    rule = protocols.rules("depth-anything", ANY, "sunrgbd")
+    rule = protocols.protocol("depth-anything").of(ANY, "sunrgbd")
     np.testing.assert_array_equal(rule.region(*size), mask)
     assert mask.sum() == (min(471, size[0]) - 45) * (min(601, size[1]) - 41)
     assert (rule.min_depth, rule.max_depth) == (1e-3, 8.0)
@@ -109,7 +109,7 @@ def test_sun_rgbd_as_depth_anything_slices_it(size):
 
 def test_ddad_as_depth_anything_cuts_it():
     """Garg's fractions of the whole map, no KB crop."""
-    rule = protocols.rules("depth-anything", ANY, "ddad")
+    rule = protocols.protocol("depth-anything").of(ANY, "ddad")
     region = rule.region(1216, 1936)
     np.testing.assert_array_equal(region, monodepth2_kitti(1216, 1936))
     # .40810811 * 1216 = 496.26, .99189189 * 1216 = 1206.14; .03594771 * 1936 = 69.59 ...
@@ -136,7 +136,7 @@ CAPS = {"nyuv2": 10.0, "kitti": 80.0, "sunrgbd": 8.0, "ddad": 80.0}
 
 
 @pytest.mark.parametrize("dataset", SIZES)
-@pytest.mark.parametrize("protocol", protocols.PROTOCOLS)
+@pytest.mark.parametrize("protocol", registry.PROTOCOLS)
 def test_sixteen_cases_as_the_published_code_computes_them(protocol, dataset):
     """eval.py of BTS and of Depth Anything, evaluate_depth.py of Monodepth2, train_3d.py of RSA.
 

@@ -1,4 +1,6 @@
-"""Work dirs in Azure, against its emulator; stores that do not create conditionally are refused.
+"""Work dirs in Azure, against its emulator, and by Google's protocol, against a stand-in.
+
+Stores that do not create conditionally are refused.
 
 Azurite is `npm install azurite`; the test looks for the command `azurite-blob`.
 """
@@ -8,6 +10,7 @@ import email.utils
 import hashlib
 import hmac
 import http.server
+import json
 import shutil
 import socket
 import subprocess
@@ -15,9 +18,11 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from http.server import ThreadingHTTPServer
 
 import pytest
 import rooms
+from weather import Forward
 
 from rsa_data.common.errors import RsaDataError
 from rsa_data.runner import runs, verify
@@ -79,8 +84,47 @@ def azure(monkeypatch):
             server.terminate()
 
 
-def test_a_work_dir_in_azure(azure, tmp_path):
-    store = open_store(azure)
+class AsGoogle(Forward):
+    """Turns Google's condition into that of S3: the rest of their XML protocols is one."""
+
+    def forward(self) -> None:
+        if self.headers.get("x-goog-if-generation-match") == "0":
+            self.server.conditions += 1
+            self.headers["If-None-Match"] = "*"
+        del self.headers["Authorization"]  # of a form that S3 does not know; moto checks no more
+        scope = "test/20260101/us-east-1/s3/aws4_request"
+        self.headers["Authorization"] = f"AWS4-HMAC-SHA256 Credential={scope}, Signature=0"
+        super().forward()
+
+    do_GET = do_PUT = do_DELETE = do_HEAD = do_POST = forward
+
+
+@pytest.fixture
+def google(weather, monkeypatch):
+    """The address of a bucket behind Google's protocol: requests of its own client, moto's answers.
+
+    A stand-in, not Google's server or its emulator: what it shows is that the client's requests and
+    conditions are those that a server of this protocol acts upon.
+    """
+    pytest.importorskip("obstore")
+    with ThreadingHTTPServer(("127.0.0.1", 0), AsGoogle) as server:
+        server.upstream, server.conditions = weather.upstream, 0
+        server.troubles, server.seen, server.signed = [], [], []
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_address[1]}"
+        account = {"gcs_base_url": address, "disable_oauth": True, "client_email": ""}
+        account |= {"private_key": "", "private_key_id": ""}
+        monkeypatch.setenv("GOOGLE_BASE_URL", address)
+        monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT_KEY", json.dumps(account))
+        yield "gs://bucket/work"
+        server.shutdown()
+        assert server.conditions
+
+
+@pytest.mark.parametrize("cloud", ["azure", "google"])
+def test_a_work_dir_in_another_cloud(cloud, tmp_path, request):
+    place = request.getfixturevalue(cloud)
+    store = open_store(place)
     assert store.read("a") is None and store.list("") == []
     store.write("a/b.json", b"one")
     assert store.create("a/e", b"3") and not store.create("a/e", b"4") and store.create("a/e", b"3")
@@ -88,15 +132,15 @@ def test_a_work_dir_in_azure(azure, tmp_path):
     assert store.size("a/b.json") == 3 and store.open("a/b.json").read() == b"one"
     store.delete("a/b.json")
     store.delete("a/b.json")
-    made = {}
-    for place in (azure, tmp_path):
-        work = rooms.made(place, parts=2)
+    made = []
+    for location in (place, tmp_path):
+        work = rooms.made(location, parts=2)
         assert runs.run(rooms.captions_job(work), bar=rooms.NoBar).done == 2
         assert runs.run(rooms.captions_job(work), bar=rooms.NoBar).done == 0
         assert verify.verify(work, lambda text: None) == 0
         table = work.table("rooms", "captions/occupancy")
-        made[str(place)] = [table.receipt(number) for number in table.parts()]
-    assert made[azure] == made[str(tmp_path)]
+        made.append([table.receipt(number) for number in table.parts()])
+    assert made[0] == made[1]
 
 
 class Careless(http.server.BaseHTTPRequestHandler):

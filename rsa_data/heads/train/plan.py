@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from ... import registry
 from ...common.ranges import Amount, AtOnce, Count, Positive, PositiveAmount
 from ..belong import Source, Tables
 from ..description import DepthModel, Features
@@ -137,6 +138,7 @@ class Described(msgspec.Struct, kw_only=True, frozen=True):
     """What another training must share to be the same one: the description of a head's folder.
 
     options : of train-head. inputs : digest of the parts trained on, by dataset and table.
+    code : sha256 of the module of each head, loss and input that is not this package's.
     """
 
     stage: str = "train-head"
@@ -144,6 +146,7 @@ class Described(msgspec.Struct, kw_only=True, frozen=True):
     version: int = 2
     options: dict[str, Any]
     inputs: dict[str, dict[str, str]]
+    code: dict[str, str] | msgspec.UnsetType = msgspec.UNSET
 
 
 @dataclass(frozen=True)
@@ -197,4 +200,11 @@ class Plan:
     @property
     def described(self) -> Described:
         """What another run must share to be the same run."""
-        return Described(options=self.options, inputs=self.digests)
+        reads = (feed.kind for source in self.sources for feed in source.inputs)
+        names = [(registry.HEADS, self.model.head), (registry.LOSSES, self.goal.loss)]
+        names += [(registry.INPUTS, kind) for kind in reads]
+        found = [source for entries, name in names if (source := entries.source(name))]
+        code = {source["code"]: source["code_sha256"] for source in found}
+        return Described(
+            options=self.options, inputs=self.digests, code=code if code else msgspec.UNSET
+        )
