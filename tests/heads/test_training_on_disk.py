@@ -11,6 +11,7 @@ from made_tables import write
 from rsa_data import ScaleHead
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads.collection import HEADS
+from rsa_data.store.local import LocalStore
 from rsa_data.store.tables import WorkDir
 
 FAST = {"epochs": 3, "batch": 16, "pixels": 16, "threads": 1, "head": "linear"}
@@ -75,6 +76,27 @@ def test_a_training_that_is_pushed_aside_leaves_the_other_ones_head(work):
 
     with pytest.raises(RsaDataError, match="another training has taken this name over"):
         train_head(work, Bar, **FAST)
+    about = ScaleHead.load(work.store.folder / "heads/head").about
+    assert about.options["seed"] == 1 and about == begun[0].about
+    assert list(HEADS.check(work, "head")) == []
+
+
+@pytest.mark.parametrize("file", ["history.parquet", "head.safetensors", "head.json"])
+def test_a_training_pushed_aside_while_it_commits_leaves_the_other_ones_head(work, file):
+    """The other one deletes the first one's files and ends between two of its writes."""
+    begun = []
+
+    class Store(LocalStore):
+        def create(self, path, data):
+            if path == f"heads/head/{file}" and not begun:
+                begun.append(None)
+                begun[0] = train_head(WorkDir(self.folder), seed=1, start_over=True, **FAST)
+            return super().create(path, data)
+
+    first = WorkDir(work.store.folder)
+    first.store = Store(work.store.folder)
+    with pytest.raises(RsaDataError, match="another training has taken this name over"):
+        train_head(first, **FAST)
     about = ScaleHead.load(work.store.folder / "heads/head").about
     assert about.options["seed"] == 1 and about == begun[0].about
     assert list(HEADS.check(work, "head")) == []
