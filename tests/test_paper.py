@@ -108,7 +108,7 @@ def test_the_table_has_every_row_of_the_paper_and_every_run():
     for word in ("SUN3D", "SUN RGB-D", "DDAD", "VOID", "table 4", "table 5", "table 7"):
         assert word in told
     assert {run for _, runs, _ in ROWS for run in runs.split(", ")} == set(RUNS)
-    assert len(ROWS) == 35
+    assert len(ROWS) == 36
 
 
 @pytest.mark.slow
@@ -118,7 +118,11 @@ def test_tables(place):
     for dataset in ("nyuv2", "kitti"):
         here = lines(said, dataset)
         # Trained on one of the two is zero-shot on the other.
-        own = {line for line in ours if "alone" not in line} | {f"text, {dataset} alone"}
+        own = {line for line in ours if "alone" not in line and "described as" not in line}
+        own |= {
+            f"text, {dataset} alone",
+            "indoor described as outdoor" if dataset == "nyuv2" else "outdoor described as indoor",
+        }
         assert own <= here, own - here
     assert "text (zero-shot)" in lines(said, "void")
     assert "number of test images is 3 here, 654 there" in said

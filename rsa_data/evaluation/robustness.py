@@ -39,9 +39,10 @@ CHANGES: dict[str, tuple[dict[str, Any], int]] = {
     "half deleted": (_NONE | {"delete": 0.5}, 1),
     "a fifth replaced": (_NONE | {"replace": 0.2}, 1),
     "half replaced": (_NONE | {"replace": 0.5}, 1),
-    # Row 8 of the paper's table 5: indoor described as outdoor, and the reverse.
-    "described as the other domain": (_NONE | {"replace": 1.0}, 1),
-    "all replaced in the domain": (_NONE | {"replace": 1.0, "domain": "own"}, 1),
+    # Row 8 of the paper's table 5: indoor described as outdoor, and the reverse for streets.
+    "{here} described as {there}": (_NONE | {"replace": 1.0}, 1),
+    # By objects of the same domain.
+    "all replaced": (_NONE | {"replace": 1.0, "domain": "own"}, 1),
     "1 wrong added": (_NONE | {"insert": 1}, 1),
     "3 wrong added": (_NONE | {"insert": 3}, 1),
     "things only": ({"objects": "things"}, 0),
@@ -146,14 +147,16 @@ def robustness_methods(
     RsaDataError when the descriptions do not come from segments.
     """
     inputs = redescribed.inputs(work, source, weights)
-    own, wrong = ("indoor", "street") if max_depth <= _INDOOR_METRES else ("street", "indoor")
+    indoors = max_depth <= _INDOOR_METRES
+    own, wrong = ("indoor", "street") if indoors else ("street", "indoor")
+    here, there = ("indoor", "outdoor") if indoors else ("outdoor", "indoor")
     methods = {}
     for name, (change, variant) in CHANGES.items():
         options = {"domain": wrong, "seed": seed, **change}
         if options["domain"] == "own":
             options["domain"] = own
         read = partial(inputs.changed, options, variant, nothing=name == "nothing found")
-        methods[name] = by_head(head.outputs, source, read=read)
+        methods[name.format(here=here, there=there)] = by_head(head.outputs, source, read=read)
     if inputs.list_objects:
         for name, less in OBJECT_CHANGES.items():
             read = partial(inputs.listed, less)

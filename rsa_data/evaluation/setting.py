@@ -29,6 +29,9 @@ def with_split(work: WorkDir, datasets: Sequence[str], split: str) -> list[str]:
     for name in datasets:
         if name not in there:
             raise unknown("dataset in this work dir", name, there)
+    for name in _splits(split)[1]:
+        if name not in there:
+            raise unknown("dataset in --split", name, there)
     splits = {}
     for name in datasets or there:
         samples = work.table(name, "samples")
@@ -99,11 +102,17 @@ def _same(kind: str, wanted: dict[str, Any], where: str, found: dict[str, Any]) 
 
 def split_of(split: str, dataset: str) -> str:
     """The split of a dataset by what --split says, such as test or test,ddad=val."""
+    usual, own = _splits(split)
+    return own.get(dataset, usual)
+
+
+def _splits(split: str) -> tuple[str, dict[str, str]]:
+    """The usual split, and those of single datasets."""
     usual, *others = split.split(",")
     own = {name: value for name, _, value in (other.partition("=") for other in others)}
     if "" in own.values() or "=" in usual:
         raise UsageError(f"--split: expected SPLIT or SPLIT,DATASET=SPLIT; found {split!r}")
-    return own.get(dataset, usual)
+    return usual, own
 
 
 def rules_of(
