@@ -29,6 +29,7 @@ class TextModel:
     axes : for each input the names of its axes; axes of one name have one length.
     dim : length of a feature.
     normalized : whether features have norm 1 by the encoder's own definition.
+    no_int8 : why it is not run in int8, with figures; "" where it is.
     """
 
     network: Callable[[], "torch.nn.Module"]
@@ -38,6 +39,7 @@ class TextModel:
     axes: dict[str, tuple[str, ...]]
     dim: int
     normalized: bool
+    no_int8: str = ""
 
     @cached_property
     def module(self) -> "torch.nn.Module":

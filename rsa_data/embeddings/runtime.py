@@ -86,7 +86,11 @@ def runners(
 
     paths : the files that the model was loaded from; a graph in the cache is theirs.
     where : as `choose` gives it.
+
+    Raises UsageError for a precision that the encoder is not run in.
     """
+    if precision == "int8" and model.no_int8:
+        raise UsageError(f"--precision int8: {model.no_int8}. Use --precision bfloat16 or float32")
     if where[0] == "onnx":
         sources = {name: file_sha256(str(path)) for name, path in paths.items()}
         exact = in_onnx(graph(model, sources), threads)

