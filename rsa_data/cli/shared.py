@@ -182,5 +182,4 @@ def say_next(work: WorkDir, command: str) -> None:
     """Prints the next command to type, with --work where it is not the default."""
     if click.get_current_context().meta.get(PLANNING):
         return
-    where = "" if work.store.location == "work" else f" --work {work.store.location}"
-    click.echo(f"next: rsa-data {command}{where}")
+    click.echo(f"next: rsa-data {command}{work.option}")

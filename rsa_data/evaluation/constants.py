@@ -6,6 +6,7 @@ import numpy as np
 
 from ..common.errors import RsaDataError
 from ..datasets import index
+from ..runner.stages import again
 from ..store.tables import WorkDir
 
 
@@ -71,7 +72,7 @@ def training_pixels(
     if not total:
         raise RsaDataError(
             f"{table}: no training image there, so there is no constant to fit. Run "
-            f"`rsa-data depth --dataset {dataset} --split train`"
+            f"`{again(work, table, ' --split train')}`"
         )
     wanted = np.unique(np.linspace(0, total - 1, min(images, total)).astype(int))
     y: list[np.ndarray] = []

@@ -102,7 +102,7 @@ def inputs_of(
     if not texts:
         raise RsaDataError(
             f"{', '.join(names)}: expected embeddings of captions by one encoder in all of them; "
-            "found none. Make them first: rsa-data embed"
+            f"found none. Make them first: rsa-data embed{work.option}"
         )
     return {**found, "text": texts}
 

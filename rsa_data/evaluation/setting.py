@@ -11,6 +11,7 @@ from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
 from ..heads.belong import Source, Tables
 from ..heads.sources import sources as find_sources
+from ..runner.stages import again
 from ..store.tables import WorkDir
 from . import protocols
 from .inputs import TestPart
@@ -135,7 +136,7 @@ def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]
     if missing := set(numbers) - set(table.parts()):
         raise RsaDataError(
             f"{table}: {len(missing)} of {len(numbers)} parts of the {split} split are not done. "
-            f"Run `rsa-data depth --dataset {name} --split {split}`"
+            f"Run `{again(work, table, f' --split {split}')}`"
         )
     return [TestPart(work, name, n, depth) for n in numbers]
 

@@ -37,9 +37,10 @@ def sources(work: WorkDir, tables: Tables, head: str, reads: Sequence[str]) -> l
             "depth",
             [t for t in depths if tables.depth_model in (None, t.partition("/")[2])],
             "--depth-model",
-            f"rsa-data depth --dataset {name}",
+            f"rsa-data depth --dataset {name} --depth-model "
+            f"{tables.depth_model or 'depth-anything-v2-small'}{work.option}",
         )
-        found.append(Source(name, depth, tuple(_inputs(name, names, tables, reads))))
+        found.append(Source(name, depth, tuple(_inputs(work, name, names, tables, reads))))
     return found
 
 
@@ -50,7 +51,9 @@ def _has_style(reads: Sequence[str], style: str) -> bool:
     return "text" in reads
 
 
-def _inputs(dataset: str, names: Sequence[str], tables: Tables, reads: Sequence[str]) -> list[Feed]:
+def _inputs(
+    work: WorkDir, dataset: str, names: Sequence[str], tables: Tables, reads: Sequence[str]
+) -> list[Feed]:
     """The inputs of a head on one dataset whose tables are `names`."""
     encoders: list[str | None] = [*(tables.encoder.split("+") if tables.encoder else [])]
     if not reads and len(encoders) == 2:
@@ -65,7 +68,7 @@ def _inputs(dataset: str, names: Sequence[str], tables: Tables, reads: Sequence[
     if not reads:
         vectors = [feed for feed in feeds if kinds.kind(feed.kind).vector]
         good = [f for f in vectors if tables.style in (None, f.style)]
-        return [_chosen(dataset, good, encoders[0], "rsa-data embed")]
+        return [_chosen(dataset, good, encoders[0], f"rsa-data embed{work.option}")]
     found = []
     for name, encoder in zip(reads, encoders, strict=True):
         own = kinds.kind(name)
@@ -75,7 +78,7 @@ def _inputs(dataset: str, names: Sequence[str], tables: Tables, reads: Sequence[
         good = [feed for feed in feeds if feed.kind == name]
         if name == "text":
             good = [feed for feed in good if tables.style in (None, feed.style)]
-        found.append(_chosen(dataset, good, encoder, own.made_by))
+        found.append(_chosen(dataset, good, encoder, f"{own.made_by}{work.option}"))
     return found
 
 

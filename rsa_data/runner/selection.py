@@ -42,7 +42,7 @@ def need_inputs(job: Job, numbers: list[int]) -> None:
             first = ", ".join(map(str, missing[:5])) + (" ..." if len(missing) > 5 else "")
             raise RsaDataError(
                 f"{job.table(name)}: expected parts of this table first; {len(missing)} are not "
-                f"done: {first}. Run `rsa-data status` to see what to run"
+                f"done: {first}. Run `rsa-data status{WorkDir(job.work).option}` to see what to run"
             )
 
 

@@ -8,6 +8,7 @@ Nothing that depends on time, host or worker stands in any of them: the same wor
 """
 
 import hashlib
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,12 @@ class WorkDir:
 
     def __init__(self, location: str | Path):
         self.store = open_store(location)
+
+    @property
+    def option(self) -> str:
+        """What a suggested command needs behind it to find this work dir: ` --work PLACE`."""
+        where = self.store.location
+        return "" if where == "work" else f" --work {shlex.quote(where)}"
 
     def datasets(self) -> list[str]:
         """Names of the datasets that have been indexed."""

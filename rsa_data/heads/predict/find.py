@@ -1,5 +1,6 @@
 """Heads by what a user calls them: a path, a name in the work dir, a ready name, an address."""
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,12 @@ def find(work: WorkDir, name: str | None) -> "ScaleHead":
     if "://" in name:
         return travel.from_address(name)
     path = Path(name)
+    is_path = path.is_file() or (path / "head.json").is_file()
+    if sum((is_path, name in there, name in ready.names())) > 1:
+        where = f"the path {name}" if is_path else work.store.location
+        warnings.warn(
+            f"--head {name}: there are several of this name; {where} is taken", stacklevel=2
+        )
     if path.is_file():
         return travel.from_file(path)
     if (path / "head.json").is_file():

@@ -168,11 +168,26 @@ def points(
         value = float(relative[int(v * height / down), int(u * width / across)])
         if not np.isfinite(value):
             raise UsageError(
-                f"--known {text}: the relative depth is not defined there; choose another pixel"
+                f"--known {text}: the depth model gives nothing there; "
+                f"{_nearest(relative, u * width / across, v * height / down, across / width)}"
             )
         y.append(value)
         metres.append(depth)
     return np.array(y), np.array(metres)
+
+
+def _nearest(relative: np.ndarray, u: float, v: float, times: float) -> str:
+    """Where the nearest pixel with relative depth is, in words; times : px of the photo for one."""
+    rows, columns = np.nonzero(np.isfinite(relative))
+    if not len(rows):
+        return "it gives nothing anywhere"
+    k = int(np.argmin((columns - u) ** 2 + (rows - v) ** 2))
+    low, high = (columns.min(), rows.min()), (columns.max(), rows.max())
+    at = [round(n * times) for n in (columns[k], rows[k], *low, *high)]
+    return (
+        f"choose another pixel: the nearest with a depth is {at[0]},{at[1]}; all lie in columns "
+        f"{at[2]} to {at[4]} and rows {at[3]} to {at[5]}"
+    )
 
 
 def ends(relative: np.ndarray, near_far: str) -> tuple[np.ndarray, np.ndarray]:

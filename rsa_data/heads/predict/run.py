@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Share of the pixels without a finite depth above which that is said.
 _HOLES = 0.01
+# Width over height of an equirectangular panorama.
+_PANORAMA = (1.98, 2.02)
 
 
 class Run:
@@ -151,6 +153,11 @@ class Run:
         p.image = _read(photo) if p.image is None else p.image
         height, width = p.image.shape[:2]
         p.camera = camera_of(photo.path, width, height, self.view)
+        if _PANORAMA[0] < width / height < _PANORAMA[1] and "assumed" in p.camera.source:
+            p.warnings.append(
+                "twice as wide as high: of a 360-degree panorama these models see a bent picture, "
+                "and points and mesh are of a camera without distortion"
+            )
         if self.without_depth:
             p.warnings.append(f"no depth: {self.without_depth}")
         else:

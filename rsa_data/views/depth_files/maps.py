@@ -47,15 +47,17 @@ def coloured(depth: np.ndarray, longest: int = 1600) -> np.ndarray:
     """
     from PIL import Image, ImageDraw
 
-    from ..pictures.drawing import PAPER, bar, resized, width_of
+    from ..pictures.drawing import PAPER, bar, width_of
 
     top = top_of(depth)
-    picture = depth_colours(depth, top)
-    height, width = picture.shape[:2]
-    zoom = min(1.0, longest / max(height, width))
-    if zoom != 1.0:
-        width, height = max(1, round(width * zoom)), max(1, round(height * zoom))
-        picture = resized(picture, width, height, smooth=False)
+    zoom = min(1.0, longest / max(depth.shape))
+    height, width = (max(1, round(side * zoom)) for side in depth.shape)
+    # The nearest pixels first: colours of 100 megapixels would take gigabytes.
+    rows, columns = (
+        ((np.arange(n) + 0.5) * side / n).astype(int)
+        for n, side in zip((height, width), depth.shape, strict=True)
+    )
+    picture = depth_colours(depth[np.ix_(rows, columns)], top)
     labels = ("0 m", f"{top / 2:g} m", f"{top:g} m")
     margin = 44 + int(max(width_of(label, 13) for label in labels))
     tall = max(height, 80)
