@@ -1,5 +1,7 @@
 """Heads that read objects: a set in any order and of any size, none included."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
@@ -66,3 +68,33 @@ def test_a_part_keeps_the_names_that_it_uses(images):
     np.testing.assert_array_equal(
         both.rows(np.arange(3), np.zeros(3)), images.rows(np.arange(3), np.zeros(3))
     )
+
+
+def test_what_is_hidden_and_a_list_that_does_not_count(images):
+    twice = images.take(np.array([0, 0])).joined([images])
+    names = [twice.name[a:b].tolist() for a, b in pairwise(twice.first)]
+    again = Objects(
+        twice.names,
+        np.concatenate([n + n for n in names]).astype(np.int64),
+        np.concatenate([np.tile(twice.numbers[a:b], (2, 1)) for a, b in pairwise(twice.first)]),
+        2 * twice.first,
+        twice.there,
+    )
+    once = again.once()
+    for mine, theirs in zip(
+        (once.name, once.numbers, once.first), (twice.name, twice.numbers, twice.first), strict=True
+    ):
+        np.testing.assert_array_equal(mine, theirs)
+    about = dict(zip(NUMBERS, images.hidden(shares=True).numbers.T, strict=True))
+    assert not any(about[name].any() for name in ("log share", "share", "share known"))
+    assert about["place known"].any() and about["there"].all()
+    places = dict(zip(NUMBERS, images.hidden(places=True).numbers.T, strict=True))
+    assert not any(places[name].any() for name in ("x", "y", "place known"))
+    assert places["share known"].all()
+    # What is hidden is what the heads that never see it are blind to.
+    every = np.arange(3), np.zeros(3)
+    for name, hidden in (
+        ("objects-without-places", images.hidden(places=True)),
+        ("object-names", images.hidden(shares=True, places=True)),
+    ):
+        assert torch.equal(outputs(name, hidden.rows(*every)), outputs(name, images.rows(*every)))
