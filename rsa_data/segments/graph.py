@@ -15,7 +15,7 @@ from ..common.errors import RowError, RsaDataError
 from ..common.onnx_sessions import Device, open_session
 from .decoding import Decoder
 from .found import Found, to_segments
-from .graph_checks import TYPES, Prepared, check_arrays, check_inputs, check_outputs
+from .graph_checks import TYPES, Prepared, check_arrays, check_inputs, check_numbers, check_outputs
 from .preprocess import Geometry, preprocessor
 from .segments import Segments
 
@@ -118,8 +118,7 @@ def load(
 
     def finish(found: dict[str, np.ndarray], geometry: Geometry) -> Segments:
         for role in decoder.roles:
-            if not np.isfinite(found[role]).all():
-                raise RowError(f"the model's output {outputs[role]} holds nan or inf")
+            check_numbers(found[role], outputs[role])
         result = decoder.decode(found, geometry)
         _check_found(result, geometry, table)
         rows = None

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..common.errors import RsaDataError, unknown
+from ..common.errors import RowError, RsaDataError, unknown
 from .decoding import Decoder
 from .preprocess import Geometry
 
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 # An input tensor with a batch of 1, and how the image lies in it.
 Prepared = tuple[np.ndarray, Geometry]
+
+# Beyond it products of two outputs and whole numbers leave what float32 and int64 can hold.
+_LARGEST = 1e15
 
 # numpy's types of ONNX's, of the inputs that a card can fill.
 TYPES = {
@@ -116,6 +119,20 @@ def check_arrays(
             _check_shape(array.shape, decoder.roles[role], what)
         if decoder.batched and (array.ndim == 0 or len(array) != batch):
             raise RsaDataError(f"{what}: expected a batch of {batch}; found shape {array.shape}")
+
+
+def check_numbers(array: np.ndarray, name: str) -> None:
+    """Raises RowError for an output with nan, inf, or numbers beyond what decoders can use."""
+    if not array.size:
+        return
+    low, high = float(array.min()), float(array.max())
+    if not np.isfinite((low, high)).all():
+        raise RowError(f"the model's output {name} holds nan or inf")
+    if max(-low, high) > _LARGEST:
+        raise RowError(
+            f"the model's output {name} holds numbers up to {max(-low, high):.3g}: no score, "
+            "coordinate or class"
+        )
 
 
 def _check_shape(shape: Sequence[Any], wanted: tuple[int, int, int], what: str) -> None:

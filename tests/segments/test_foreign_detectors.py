@@ -363,6 +363,7 @@ def test_a_card_names_the_columns(tmp_path):
 IMPOSSIBLE = {
     "shares": ([0, 0.2, 0.3, 0.6, 0.7, 1, 0.9], "all boxes lie within 0 to 1 px"),
     "huge": ([0, 0, 0, 1e8, 40, 1, 0.9], "a box reaches to"),
+    "beyond all numbers": ([0, 0, 0, 9, 9, 3e38, 0.9], "numbers up to 3e+38"),
     "nan": ([0, np.nan, 0, 10, 40, 1, 0.9], "holds nan or inf"),
     "another class": ([0, 10, 20, 30, 40, 79, 0.9], "the model answers with class 79"),
 }
