@@ -21,6 +21,7 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+import recording
 
 from rsa_data import registry
 from rsa_data.captions.blocks import composer
@@ -159,12 +160,25 @@ def main() -> None:
 
     written, size = best(parquet, given.repeat)
     mean_loop = sum(row[2] for row in expected) / captions
+    total = fast + with_id + written
+    ways = {"Python loop": slow, "columns": fast, "columns, text_id": fast + with_id}
+    recording.table(
+        "captions",
+        "Occupancy captions",
+        ("way", "captions/s", "times the loop"),
+        [
+            (name, round(captions / took), round(slow / took, 1))
+            for name, took in (ways | {"columns, text_id, Parquet (zstd)": total}).items()
+        ],
+        note=f"{len(images):,} images, one core, CPU seconds, the best of {given.repeat}; {same:,} "
+        f"of {len(plain):,} plain captions equal to the loop's, where a half may round up.",
+        variants=given.variants,
+    )
     print(f"plain captions equal to the loop's: {same:,} of {len(plain):,} (a half may round up)")
     print(f"objects kept a caption: loop {mean_loop:.3f}, columns {made['n_kept'].mean():.3f}")
     print(f"Python loop                       {captions / slow:>12,.0f} captions/s")
     print(f"columns                           {captions / fast:>12,.0f} captions/s")
     print(f"columns, text_id                  {captions / (fast + with_id):>12,.0f} captions/s")
-    total = fast + with_id + written
     print(f"columns, text_id, Parquet (zstd)  {captions / total:>12,.0f} captions/s")
     print(f"Parquet: {size / 1e6:.1f} MB")
     print(f"ratio (goal 8): {slow / fast:.1f}")

@@ -14,6 +14,8 @@ import threading
 import time
 from pathlib import Path
 
+import recording
+
 from rsa_data.common.cards import card_of
 from rsa_data.datasets.images import read_image
 from rsa_data.segments import graph, onnx
@@ -79,6 +81,19 @@ def main():
         fast.append(len(paths) / seconds)
         busy.append(session / seconds)
         assert [s.label for s in one] == [s.label for s in two]
+    rates = {"straightforward loop": slow, "detect stage": fast}
+    base = statistics.median(slow)
+    recording.table(
+        "detect",
+        f"Detection, {given.source}",
+        ("way", "images/s", "times the loop"),
+        [
+            (name, round(statistics.median(r), 1), round(statistics.median(r) / base, 2))
+            for name, r in rates.items()
+        ],
+        note=f"{len(paths)} images; a session ran {statistics.median(busy):.0%} of the time.",
+        rounds=given.rounds,
+    )
     print(f"{len(paths)} images, {given.rounds} rounds, medians")
     print(f"straightforward loop: {statistics.median(slow):6.1f} images/s")
     print(f"detect stage:         {statistics.median(fast):6.1f} images/s")

@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 
 import numpy as np
 import pyarrow as pa
+import recording
 import rooms
 
 from rsa_data.embeddings import embed
@@ -81,7 +82,7 @@ def main() -> int:
     if given.measure:
         measure(given.rows, given.part, given.measure)
         return 0
-    peaks = []
+    peaks, rows_of = [], []
     for rows in (given.rows // 10, given.rows):
         with tempfile.TemporaryDirectory(prefix="rsa-data-memory-") as folder:
             begun = time.monotonic()
@@ -92,11 +93,20 @@ def main() -> int:
             peak, first, most, last, _ = ended.stdout.split()
             used = sum(p.stat().st_size for p in Path(folder).rglob("*.parquet"))
         peaks.append(int(peak))
+        rows_of.append((rows, round(int(peak) / 1024), int(most), int(last)))
         print(
             f"{rows:,} rows: peak {int(peak) / 1024:.0f} MiB, files open at first {first}, at most "
             f"{most}, at last {last}; {used / 1e6:.0f} MB, {time.monotonic() - begun:.0f} s",
             flush=True,
         )
+    recording.table(
+        "memory",
+        "Memory of a worker",
+        ("images", "peak MiB", "files open at most", "files open at the end"),
+        rows_of,
+        note="Captions and embeddings by an encoder that computes nothing.",
+        part=given.part,
+    )
     ratio = peaks[1] / peaks[0]
     print(f"peak of 10 times the rows: {ratio:.3f} times (at most 1.1)")
     return 0 if ratio <= 1.1 and int(last) <= int(first) else 1

@@ -17,6 +17,8 @@ import sys
 import time
 from pathlib import Path
 
+import recording
+
 from rsa_data.common.cards import card_of
 from rsa_data.datasets.images import read_image
 from rsa_data.datasets.roots import open_root, readers
@@ -98,6 +100,15 @@ def main():
     same = all(found == results[0] for found in results)
     print(f"{len(names)} images, {args.latency * 1000:.0f} ms before each answer; same: {same}")
     medians = {name: statistics.median(values) for name, values in rates.items()}
+    recording.table(
+        "remote",
+        "Detection over HTTP",
+        ("images from", "images/s", "share of a folder's"),
+        [(n, round(m, 1), round(m / medians["folder"], 2)) for n, m in medians.items()],
+        note=f"{len(names)} images, {args.latency * 1000:.0f} ms before each answer; results are "
+        f"{'the same' if same else 'not the same'}.",
+        rounds=args.rounds,
+    )
     for name, median in medians.items():
         print(f"  {name:12} {median:7.1f} images/s  {median / medians['folder']:.2f} of a folder")
     return 0 if same else 1

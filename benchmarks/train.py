@@ -27,6 +27,7 @@ from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
+import recording
 from made_tables import write
 
 clock = time.perf_counter
@@ -217,6 +218,20 @@ def main() -> None:
             rates.setdefault("plain PyTorch", []).append(rate)
             rates.setdefault("released way", []).append(released())
     base = float(np.median(rates["plain PyTorch"]))
+    recording.table(
+        "train",
+        "Training a head",
+        ("way", "images/s", "times plain PyTorch", "AbsRel after the run"),
+        [
+            (n, round(float(np.median(r)), 1), round(float(np.median(r)) / base, 2), errors.get(n))
+            for n, r in rates.items()
+        ],
+        note=f"{given.images:,} images, "
+        f"{'CPU' if given.processor_time else 'wall'} seconds of the steps alone.",
+        epochs=given.epochs,
+        rounds=given.rounds,
+        threads=given.threads,
+    )
     print("| way | images/s | times plain PyTorch | AbsRel after the run |\n|---|---|---|---|")
     for name, found in rates.items():
         rate = float(np.median(found))

@@ -18,6 +18,7 @@ import numpy as np
 from rsa_data.store.tables import WorkDir
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
+import recording
 from made_tables import write
 
 CHILD = """
@@ -72,12 +73,21 @@ def main() -> None:
             )
         size = sum(f.stat().st_size for f in Path(folder).rglob("*.parquet")) / 2**30
         print(f"tables: {size:.3f} GiB")
+        rows = []
         for limit in (4 * size, size / 2):
             command = [sys.executable, "-c", CHILD, folder, f"m{limit:.2f}", str(limit)]
             peak, seconds = subprocess.check_output(command, text=True).split()
+            rows.append((round(limit, 3), float(peak), float(seconds)))
             print(
                 f"--memory {limit:.3f}: peak {peak} GiB above the imports, {seconds} s", flush=True
             )
+        recording.table(
+            "train_memory",
+            "Memory of train-head",
+            ("--memory, GiB", "peak GiB above the imports", "seconds"),
+            rows,
+            note=f"{given.images:,} images in tables of {size:.2f} GiB, one epoch.",
+        )
 
 
 if __name__ == "__main__":

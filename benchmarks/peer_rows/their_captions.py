@@ -7,6 +7,7 @@ tokens of each phrase that it has seen.
 import json
 import random
 import sys
+import tempfile
 import time
 
 given = json.loads(sys.argv[1])
@@ -75,7 +76,11 @@ else:
         return made
 
     datasets.disable_progress_bars()
-    table = datasets.Dataset.from_parquet(given["files"], columns=["sample_id", "label", "area"])
+    datasets.disable_caching()  # or a second run would only read what the first one made
+    cache = tempfile.TemporaryDirectory()
+    table = datasets.Dataset.from_parquet(
+        given["files"], columns=["sample_id", "label", "area"], cache_dir=cache.name
+    )
     made = table.map(captions, batched=True, remove_columns=table.column_names)
     made.to_parquet(given["out"])
 print(json.dumps({"steady": time.process_time() - begun}))
