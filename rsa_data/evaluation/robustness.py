@@ -1,25 +1,27 @@
 """How a head's error moves when the description is wrong or poor."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 
 from ..common.errors import UsageError
 from ..common.options import accepts_old_names
 from ..common.ranges import Count
 from ..datasets import labels
-from ..heads import belong
+from ..heads import belong, redescribed
 from ..heads.belong import Source, Tables
-from ..heads.inputs.kinds import Feed
+from ..heads.inputs.kinds import Block, Feed
 from ..heads.inputs.objects import Objects
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir
-from . import output, redescribed
+from . import output
 from .evaluate import Evaluation
+from .inputs import TestPart, rows_of
 from .methods import Method, by_head
 from .options import Measuring
 from .rows import measure
@@ -155,13 +157,22 @@ def robustness_methods(
         options = {"domain": wrong, "seed": seed, **change}
         if options["domain"] == "own":
             options["domain"] = own
-        read = partial(inputs.changed, options, variant, nothing=name == "nothing found")
+        changed = partial(
+            inputs.read, options=options, variant=variant, nothing=name == "nothing found"
+        )
+        read = partial(_seen, changed)
         methods[name.format(here=here, there=there)] = by_head(head.outputs, source, read=read)
     if inputs.list_objects:
         for name, less in OBJECT_CHANGES.items():
-            read = partial(inputs.listed, less)
+            read = partial(_seen, partial(inputs.listed, less=less))
             methods[name] = by_head(head.outputs, source, read=read)
     return methods | (other_captions(work, head, source) if inputs.encode else {})
+
+
+def _seen(
+    blocks: Callable[[WorkDir, int], Sequence[Block]], part: TestPart
+) -> tuple[np.ndarray, np.ndarray]:
+    return rows_of(blocks(part.work, part.number))
 
 
 def other_captions(work: WorkDir, head: "ScaleHead", source: Source) -> dict[str, Method]:

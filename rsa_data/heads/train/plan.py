@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -15,10 +16,10 @@ from ..description import DepthModel, Features
 Batches = Literal["mixed", "each"]
 
 # Options that never change what comes out.
-_LOCAL = ("memory", "checkpoint_every")
+_LOCAL = ("memory", "checkpoint_every", "encoder_weights")
 # Options that came later are told only where they are not these, so that a training that was
 # begun before them is still the same one.
-_LATER = {"beyond": "tangent", "batches": "mixed"}
+_LATER = {"beyond": "tangent", "batches": "mixed", "redraw": False}
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,9 @@ class Training:
     weight_decay : of the optimiser.
     clip : norm that gradients are clipped to; 0 for none.
     epochs : times that every image is seen, each time with a variant of its caption drawn again.
+    redraw : draw swap and delete anew for every epoch, from the segments, in place of the variants
+        that stand in the tables. Every epoch encodes a text an image; for a head that reads only
+        objects it costs next to nothing.
     batch : images in a step; by default a sixteenth of all, but 16 to 256.
     batches : mixed draws the images of a step from all datasets together and takes the mean of
         their losses; each takes a batch of every dataset and adds their losses, each summed over
@@ -99,6 +103,7 @@ class Training:
     weight_decay: Amount = 0.0
     clip: Amount = 1.0
     epochs: Positive = 50
+    redraw: bool = False
     batch: Positive | None = None
     batches: Batches = "mixed"
     pixels: Count = 256
@@ -127,11 +132,13 @@ class Machine:
     checkpoint_every : seconds of work that a kill may lose; at the end of an epoch the state is
         written when the last time is that long ago.
     threads : CPU threads; they can change the last bits of the weights.
+    encoder_weights : file of the text encoder's weights for redraw, where it is not found alone.
     """
 
     memory: PositiveAmount = 4.0
     checkpoint_every: Amount = 20.0
     threads: AtOnce = 2
+    encoder_weights: Path | None = None
 
 
 class Described(msgspec.Struct, kw_only=True, frozen=True):

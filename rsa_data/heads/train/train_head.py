@@ -59,6 +59,12 @@ def train_head(
             f"--control dataset: expected a head of one vector, such as mlp5; --head {model.head} "
             f"reads {' and '.join(head.reads)}"
         )
+    reads = head.reads or ("text",)
+    if training.redraw and not {"text", "objects"} & set(reads):
+        raise UsageError(
+            f"--redraw: expected a head that reads captions or objects; --head {model.head} reads "
+            f"{' and '.join(reads)}"
+        )
     model = replace(model, standardize=model.standardize and head.standardize)
 
     sources = find_sources(work, tables, model.head, head.reads)

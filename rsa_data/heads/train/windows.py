@@ -1,12 +1,14 @@
 """Training and validation examples of a run: whole in memory, or window by window."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from ...common.errors import RsaDataError
 from ...store.tables import WorkDir
+from .. import redescribed
 from ..inputs.vectors import Vectors
 from ..predict.calibration import references
 from .control_heads import controlled
@@ -43,10 +45,14 @@ class Windows:
         self.limit = plan.machine.memory * _GIB / 3
         self._choose()
         self._scan()
+        self._describe: list[redescribed.Inputs] = []
+        if plan.training.redraw:
+            weights = plan.machine.encoder_weights
+            self._describe = [redescribed.inputs(work, s, weights) for s in plan.sources]
 
     def __call__(self, epoch: int) -> Iterator[Examples]:
         """The training examples of an epoch: one window, or several in an order drawn for it."""
-        if self.whole is not None:
+        if self.whole is not None and not self._describe:
             yield self.whole
             return
         parts = list(self.sizes)
@@ -54,7 +60,7 @@ class Windows:
         parts = [parts[i] for i in order]
         cut = self._of_each if self.plan.training.batches == "each" else self._in_turn
         for window in cut(parts):
-            yield self._read(window)
+            yield self._read(window, epoch)
 
     def _in_turn(self, parts: list[Part]) -> Iterator[list[Part]]:
         """Windows of one part after another, as many as fit."""
@@ -80,8 +86,8 @@ class Windows:
         for number in range(count):
             yield [part for of in own for part in of[number::count]]
 
-    def _read(self, window: list[Part]) -> Examples:
-        return join([self._split(i, n)[0] for i, n in window], self.pixels)
+    def _read(self, window: list[Part], epoch: int) -> Examples:
+        return join([self._split(i, n, epoch)[0] for i, n in window], self.pixels)
 
     def _choose(self) -> None:
         """Decides for every row of samples whether it is held out, dataset by dataset."""
@@ -106,10 +112,16 @@ class Windows:
             for n, rows in zip(parts.numbers, chosen, strict=True):
                 self.held[i, n] = rows
 
-    def _split(self, dataset: int, number: int) -> tuple[Examples, Examples]:
-        """Training and validation examples of one part."""
+    def _split(
+        self, dataset: int, number: int, epoch: int | None = None
+    ) -> tuple[Examples, Examples]:
+        """Training and validation examples of one part; epoch : to draw descriptions for."""
         part = read_part(self.work, self.plan.sources[dataset], number, dataset)
         control, seed = self.plan.model.control, self.plan.training.seed
+        if epoch is not None and self._describe:
+            drawn = {"seed": int(np.random.SeedSequence((seed, epoch)).generate_state(1)[0])}
+            blocks = self._describe[dataset].read(self.work, number, drawn, variant=1)
+            part = replace(part, inputs=tuple(block.take(part.row) for block in blocks))
         part = controlled(part, control, seed, number, self.count)
         held = self.held[dataset, number][part.row]
         return select(part, ~held), select(part, held, variants=1)

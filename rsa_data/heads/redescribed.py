@@ -10,13 +10,12 @@ import pyarrow as pa
 
 from ..common.errors import RsaDataError
 from ..common.options import call, grouped
-from ..heads.belong import Source
-from ..heads.inputs import objects
-from ..heads.inputs.kinds import Block, Feed, find
-from ..heads.inputs.vectors import Vectors
 from ..store import schemas
 from ..store.tables import WorkDir
-from .inputs import TestPart, rows_of
+from .belong import Source
+from .inputs import objects
+from .inputs.kinds import Block, Feed, find
+from .inputs.vectors import Vectors
 
 Step = Callable[..., pa.Table]
 
@@ -36,38 +35,51 @@ class Inputs:
     encode: Step | None
     list_objects: Step | None
 
-    def changed(
-        self, options: dict[str, Any], variant: int, part: TestPart, nothing: bool = False
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What the head reads of a part, see `TestPart.seen`, where descriptions are changed.
+    def read(
+        self,
+        work: WorkDir,
+        number: int,
+        options: dict[str, Any],
+        variant: int,
+        nothing: bool = False,
+    ) -> list[Block]:
+        """Each input of every row of samples of a part, where descriptions are changed.
 
         options : of the captions stage, over those of the head's own captions. variant : which
         caption of these options. nothing : as if nothing had been found in any image.
         """
-        found = part.work.table(part.dataset, self.segments).read(part.number)
+        dataset = self.source.dataset
+        segments = work.table(dataset, self.segments)
+        for name in self.source.tables:
+            made_of = work.table(dataset, name).receipt(number).inputs.get(self.segments)
+            if made_of not in (None, segments.receipt(number).digest):
+                raise RsaDataError(
+                    f"{dataset}/{name} part {number} was made from other {self.segments} than "
+                    "those that lie there now: run its stage again"
+                )
+        found = segments.read(number)
         if nothing:
             found = _nothing(found)
-        samples = part.work.table(part.dataset, "samples").read(part.number)
+        samples = work.table(dataset, "samples").read(number)
         given = {**self.captions, **options, "variants": variant + 1}
-        return rows_of(
-            [self._block(feed, part, found, samples, given) for feed in self.source.inputs]
-        )
+        feeds = self.source.inputs
+        blocks = [self._described(feed, found, samples, given) for feed in feeds]
+        return [
+            feed.read(work, dataset, number, variant=0) if block is None else block
+            for feed, block in zip(feeds, blocks, strict=True)
+        ]
 
     def listed(
-        self, less: Callable[[objects.Objects], objects.Objects], part: TestPart
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What the head reads of a part where it is told less of the objects."""
-        blocks = self.source.read(part.work, part.number, 0)
-        return rows_of([less(b) if isinstance(b, objects.Objects) else b for b in blocks])
+        self, work: WorkDir, number: int, less: Callable[[objects.Objects], objects.Objects]
+    ) -> list[Block]:
+        """Each input of a part where the head is told less of the objects."""
+        blocks = self.source.read(work, number, 0)
+        return [less(b) if isinstance(b, objects.Objects) else b for b in blocks]
 
-    def _block(
-        self,
-        feed: Feed,
-        part: TestPart,
-        segments: pa.Table,
-        samples: pa.Table,
-        options: dict[str, Any],
-    ) -> Block:
+    def _described(
+        self, feed: Feed, segments: pa.Table, samples: pa.Table, options: dict[str, Any]
+    ) -> Block | None:
+        """An input written anew; None where it does not describe."""
         from ..captions import write
         from ..captions.described import described
         from ..captions.options import Augmentation, Contents, WrongObjects
@@ -93,7 +105,7 @@ class Inputs:
                 wrong=groups.get("wrong", WrongObjects()),
             )
             return objects.of_table(ids, self.list_objects(found, samples))
-        return feed.read(part.work, part.dataset, part.number, 0)
+        return None
 
 
 def inputs(work: WorkDir, source: Source, weights: Path | None) -> Inputs:
