@@ -15,7 +15,7 @@ import paper_data
 import pytest
 from click.testing import CliRunner
 
-from rsa_data import registry
+from rsa_data import ScaleHead, registry
 from rsa_data.cli.main import cli
 from rsa_data.store.tables import WorkDir
 
@@ -73,7 +73,10 @@ def place(tmp_path_factory):
 def run(name: str) -> str:
     """What a run of the page says."""
     words = shlex.split(RUNS[name].replace("\\\n", " "))
-    words += shlex.split(FEWER.get(" ".join(words[:2]), ""))
+    return typed(words + shlex.split(FEWER.get(" ".join(words[:2]), "")))
+
+
+def typed(words: list[str]) -> str:
     result = CliRunner().invoke(cli, words, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
@@ -136,6 +139,23 @@ def test_what_is_added_to_the_tables(place):
     check("human", run("human"), "nyuv2")
     check("others", run("others"), "nyuv2", "kitti")
     assert re.search(r"^scale \S+  shift \S+", run("single"), re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("recipe", "more"), [("rsa-paper", "--set train-head.redraw=true"), ("rsa-release", "")]
+)
+def test_recipes(place, recipe, more):
+    words = f"run {recipe} --work work-{recipe} --set depth.depth_weights=depth-anything-small.onnx"
+    said = typed(shlex.split(f"{words} {_TRAIN} {more}"))
+    assert "head" in lines(said, "kitti") and "head" in lines(said, "void")
+    about = ScaleHead.load(f"work-{recipe}/heads/{recipe}").description["options"]
+    told = about.get("redraw"), about.get("batches"), about["balance"], about["pixels"]
+    expected = {
+        "rsa-paper": (True, None, "images", 256),
+        "rsa-release": (None, "each", "pixels", 0),
+    }
+    assert told == expected[recipe]
 
 
 @pytest.mark.slow

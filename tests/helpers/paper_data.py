@@ -45,9 +45,11 @@ def _frame(image: Path, depth: Path, far: float, size: tuple[int, int], unit: fl
 
 
 def _text(release: Path, dataset: str, split: str, key: str, objects: str) -> None:
-    path = release / "text" / "seg_txt_panoptic" / dataset / split / f"{key}.txt"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(objects)
+    lines = "".join(f"View {n} of {objects.split()[0]} and more.\n" for n in range(15))
+    for kind, content in (("seg_txt_panoptic", objects), ("text_all", lines)):
+        path = release / "text" / kind / dataset / split / f"{key}.txt"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content)
 
 
 def write_paper(folder: Path) -> None:
