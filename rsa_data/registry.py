@@ -25,6 +25,7 @@ DATASETS = Entries(
         "webdataset": "rsa_data.datasets.webdataset:webdataset",
         "parquet": "rsa_data.datasets.parquet:parquet",
         "zip": "rsa_data.datasets.webdataset:zipped",
+        "nyuv2-parquet": "rsa_data.datasets.hub_copies:nyuv2_parquet",
         "nyuv2-labeled": "rsa_data.datasets.nyuv2_labeled:nyuv2_labeled",
         "synthetic-indoor": "rsa_data.datasets.synthetic.dataset:synthetic_indoor",
         "synthetic-street": "rsa_data.datasets.synthetic.dataset:synthetic_street",

@@ -43,6 +43,8 @@ class Dataset:
         segmenter `coco-panoptic` reads when it is given no file. None when it brings none.
     prepare : root -> writes the dataset's files where they are missing, for datasets that are made
         and not downloaded; killed half-way it goes on from there. None for all others.
+    address : where the files lie when nobody has said so and data/NAME is not there, such as a data
+        set of the hub; "" for none.
     test_splits : splits whose depth is stored whole and which no training may read.
     shards : the files that hold the images, where these are no files of their own. An index keeps
         the samples of one shard at a time in memory, and makes no part of images of two, so that a
@@ -65,6 +67,7 @@ class Dataset:
     panoptic: str | None = None
     prepare: Callable[[Path], None] | None = None
     shards: Shards | None = None
+    address: str = ""
     test_splits: tuple[str, ...] = ("test",)
     validation_splits: tuple[str, ...] = ("val", "validation")
 

@@ -1,4 +1,4 @@
-"""Reading ground-truth depth: 16-bit PNG in any unit, NumPy arrays."""
+"""Reading ground-truth depth: 16-bit PNG in any unit, TIFF, NumPy arrays."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 
 from ..common.errors import RowError, UsageError
 from .images import read_bytes
-from .pixel_files import GREY, float32, read_npy, read_png
+from .pixel_files import GREY, float32, read_npy, read_png, read_tiff
 
 # Units in a metre.
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
@@ -53,7 +53,7 @@ def png16(
 
 
 def any_file(unit: str, option: str) -> Callable[[Path], np.ndarray]:
-    """A reader of 16-bit PNG or .npy in a stated unit, told apart by their content.
+    """A reader of 16-bit PNG, TIFF or .npy in a stated unit, told apart by their content.
 
     option : what to name in the UsageError for a unit that there is not.
     """
@@ -66,17 +66,27 @@ def any_file(unit: str, option: str) -> Callable[[Path], np.ndarray]:
     # A camera writes the largest value for "too far".
     read_grey = png16(per_metre, none=(0, 65535))
     read_array = npy(per_metre, none=(65535,), steps=unit not in UNITS)
+    read_image = npy(per_metre, none=(65535,), steps=unit not in UNITS, open_file=read_tiff)
 
     def read(path: Path) -> np.ndarray:
-        return (read_array if _is_npy(path) else read_grey)(path)
+        kind = _kind(path)
+        return {"npy": read_array, "tiff": read_image}.get(kind, read_grey)(path)
 
     return read
 
 
-def _is_npy(path: Path) -> bool:
+def _kind(path: Path) -> str:
     """By the name's ending; where the column of a Parquet file gives none, by the first bytes."""
     suffix = path.suffix.lower()
-    return suffix == ".npy" or (suffix != ".png" and read_bytes(path).startswith(b"\x93NUMPY"))
+    if suffix in (".npy", ".png"):
+        return suffix[1:]
+    try:
+        data = read_bytes(path)
+    except RowError:
+        return ""  # said by the reader
+    if data.startswith(b"\x93NUMPY"):
+        return "npy"
+    return "tiff" if data.startswith((b"II*\0", b"MM\0*")) else "png"
 
 
 def read_png16(path: Path) -> np.ndarray:
@@ -88,7 +98,10 @@ def read_png16(path: Path) -> np.ndarray:
 
 
 def npy(
-    per_metre: float, none: tuple[int, ...] = (), steps: bool = False
+    per_metre: float,
+    none: tuple[int, ...] = (),
+    steps: bool = False,
+    open_file: Callable[[Path], np.ndarray] = read_npy,
 ) -> Callable[[Path], np.ndarray]:
     """A reader of .npy depth: path -> float32 of shape (height, width), m, 0 where there is none.
 
@@ -99,13 +112,14 @@ def npy(
     per_metre : units of the file in a metre, 1 for metres.
     none : values of integers that mean none besides.
     steps : whether the unit is so many steps a metre, which only integers are counted in.
+    open_file : path -> the numbers, for files of another kind.
 
     The reader raises RowError for a file that is missing, broken or of another kind.
     """
 
     def read(path: Path) -> np.ndarray:
         try:
-            values = read_npy(path)
+            values = open_file(path)
         except RowError as error:
             raise RowError(f"depth: {error}") from error
         if steps and values.dtype.kind == "f":

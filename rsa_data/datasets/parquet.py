@@ -53,7 +53,7 @@ def parquet(
     ----------
     image : column with the images: struct of bytes and path, the bytes alone, or paths below the
         root.
-    depth : column with depth in the same form: 16-bit PNG or .npy.
+    depth : column with depth in the same form: 16-bit PNG, TIFF or .npy.
     depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
     scene : column that names the scene. Without it, the folder of the sample's id.
     split : column that names the split. Without it, a file is of the split that its folder or the

@@ -1,4 +1,4 @@
-"""Files whose pixels are numbers, not colours (depth, label maps, id maps): PNG and .npy."""
+"""Files whose pixels are numbers, not colours (depth, label maps, id maps): PNG, TIFF and .npy."""
 
 import io
 import math
@@ -65,6 +65,30 @@ def read_png(path: Path, wanted: str) -> Png:
     if colour == GREY and bits in (2, 4):
         values //= 255 // (2**bits - 1)  # Pillow stretches grey to 0 to 255
     return Png(values, bits, colour)
+
+
+def read_tiff(path: Path) -> np.ndarray:
+    """The numbers of a grey TIFF of one page, as `datasets` keeps arrays: uint16, int32 or float32.
+
+    Raises RowError, without the path, for a file that is missing, broken or holds anything else.
+    """
+    from PIL.TiffImagePlugin import TiffImageFile
+
+    try:
+        image = TiffImageFile(io.BytesIO(read_bytes(path)))
+        if image.width * image.height > MAX_PIXELS:
+            raise RowError(
+                f"expected at most {MAX_PIXELS} pixels, found {image.width} x {image.height}"
+            )
+        found = f"mode {image.mode}, {image.n_frames} pages"
+        if not image.mode.startswith(("I;16", "I", "F")) or image.n_frames != 1:
+            raise RowError(f"expected a TIFF with grey of 16 or 32 bits, found {found}")
+        values = np.asarray(image)
+    except (MemoryError, RowError):
+        raise
+    except Exception as error:  # Pillow's decoders raise nearly every built-in kind
+        raise RowError(f"unreadable TIFF: {reason(error)}") from error
+    return values.astype(values.dtype.newbyteorder("="))
 
 
 def read_npy(path: Path) -> np.ndarray:

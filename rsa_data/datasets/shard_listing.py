@@ -17,7 +17,8 @@ from .found_samples import FoundSamples
 from .listing import Sample, files_below, nothing_found, paths, require_folder, to_table
 from .roots import RemotePath, is_remote
 
-_SPLIT = re.compile(r"(?:.*/)?(train|test|val)(?:idation)?(?:[-_./].*)?\.\w+")
+# The hub's own Parquet copies of large sets lie in folders such as partial-train.
+_SPLIT = re.compile(r"(?:.*/)?(?:partial-)?(train|test|val)(?:idation)?(?:[-_./].*)?\.\w+")
 
 
 # Shards that are read at once where they are far.

@@ -55,7 +55,7 @@ def webdataset(
     ----------
     image : ending of the members that are images, what follows the first dot of their names, such
         as jpg or rgb.png. Without it, the one member of a sample that ends like an image.
-    depth : ending of the members with depth, 16-bit PNG or .npy, such as depth.png.
+    depth : ending of the members with depth, 16-bit PNG, TIFF or .npy, such as depth.png.
     depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
     scene : field of a sample's .json member that names its scene. Without it, the key's folder.
     split : field of a sample's .json member that names its split. Without it, a shard is of the
@@ -92,7 +92,7 @@ def zipped(
     ----------
     image : ending of the members that are images, what follows the first dot of their names, such
         as jpg or rgb.png. Without it, the one member of a sample that ends like an image.
-    depth : ending of the members with depth, 16-bit PNG or .npy, such as depth.png.
+    depth : ending of the members with depth, 16-bit PNG, TIFF or .npy, such as depth.png.
     depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
     scene : field of a sample's .json member that names its scene. Without it, the key's folder.
     split : field of a sample's .json member that names its split. Without it, a file is of the

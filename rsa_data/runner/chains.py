@@ -7,7 +7,7 @@ from typing import Any
 
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
-from ..datasets.roots import is_remote
+from ..datasets.roots import is_remote, open_root
 from ..store.table_names import check_dataset_name, is_name
 from ..store.tables import WorkDir
 from . import jobs, limits, runs, selection, stages
@@ -79,6 +79,8 @@ def samples(
                 f"--root {found}: dataset {dataset.name} writes its files: expected a folder"
             )
         dataset.prepare(found)
+    if found is None and dataset.address:
+        found = open_root(dataset.address)
     rows = None
     if found is None and source is not None and source.stage.selector and not table.complete():
         rows = source.stage.index(str(source.options[source.stage.selector]), dataset)

@@ -10,7 +10,7 @@ from ..common.errors import RsaDataError, TransientError
 
 T = TypeVar("T")
 
-_ADDRESS = re.compile(r"hf://datasets/([\w.-]+/[\w.-]+?)(?:@([^@/]+))?/?")
+_ADDRESS = re.compile(r"hf://datasets/([\w.-]+/[\w.-]+?)(?:@([^@]*[^@/]))?/?")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
 
 

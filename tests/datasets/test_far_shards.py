@@ -13,6 +13,8 @@ import threading
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from shard_files import TABLES, TAR, as_parquet, as_tars, frames, tables
 from weather import weather_before
@@ -100,6 +102,7 @@ class Hub(http.server.BaseHTTPRequestHandler):
 
     protocol_version = "HTTP/1.1"
     root: Path
+    name = "owner/name"
     commit = "c" * 40
 
     def do_GET(self) -> None:
@@ -109,11 +112,12 @@ class Hub(http.server.BaseHTTPRequestHandler):
 
     def answer(self, body: bool) -> None:
         path = self.path.partition("?")[0]
-        files = sorted(p.relative_to(self.root).as_posix() for p in self.root.rglob("*.tar"))
+        files = sorted(p.relative_to(self.root).as_posix() for p in self.root.rglob("*.*"))
         data, headers = b"", {"X-Repo-Commit": self.commit}
-        if path in ("/api/datasets/owner/name/revision/main", "/api/datasets/owner/name"):
-            data = json.dumps({"id": "owner/name", "sha": self.commit}).encode()
-        elif path.startswith(f"/api/datasets/owner/name/tree/{self.commit}"):
+        api = f"/api/datasets/{self.name}"
+        if path in (f"{api}/revision/main", api):
+            data = json.dumps({"id": self.name, "sha": self.commit}).encode()
+        elif path.startswith(f"{api}/tree/{self.commit}"):
             tree = [
                 {"type": "file", "path": f, "size": (self.root / f).stat().st_size, "oid": "0"}
                 for f in files
@@ -190,6 +194,39 @@ def test_tars_of_a_data_set_of_the_hub(tmp_path, expected):
         assert found[table].equals(expected[0][table]), table
     assert (tmp_path / "work" / "photos" / "root.txt").read_text() == root
     assert "expected a data set of the hub, found" in missing.stderr
+
+
+def test_a_named_copy_on_the_hub_needs_no_root(tmp_path):
+    """A stand-in for the copy: its columns as those have them who read it."""
+    made = {"rgb": [], "depth": []}
+    for parts in frames().values():
+        made["rgb"].append({"bytes": parts["png"], "path": None})
+        made["depth"].append({"bytes": parts.get("depth.png"), "path": None})
+    (tmp_path / "hub" / "data").mkdir(parents=True)
+    for split in ("train", "test"):
+        pq.write_table(pa.table(made), tmp_path / f"hub/data/{split}-00000-of-00001.parquet")
+    handler = type("Here", (Hub,), {"root": tmp_path / "hub", "name": "jagennath-hari/nyuv2"})
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        settings = {
+            "HF_ENDPOINT": f"http://127.0.0.1:{server.server_address[1]}",
+            "HF_HOME": str(tmp_path / "cache"),
+            "HF_HUB_DISABLE_XET": "1",
+        }
+        words = ["embed-images", "--dataset", "nyuv2-parquet", "--encoder", "thumbnail"]
+        done = subprocess.run(
+            [sys.executable, "-m", "rsa_data", *words, "--work", str(tmp_path / "work")],
+            env=os.environ | settings, capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        server.shutdown()
+    assert done.returncode == 0, done.stderr
+    work = WorkDir(tmp_path / "work")
+    samples = work.table("nyuv2-parquet", "samples")
+    assert [(r.split, r.rows) for r in samples.receipts(samples.parts())] == [
+        ("train", 10), ("test", 10),
+    ]  # fmt: skip
+    kept = (tmp_path / "work/nyuv2-parquet/root.txt").read_text()
+    assert kept == f"hf://datasets/jagennath-hari/nyuv2@{'c' * 40}"
 
 
 @pytest.mark.parametrize("place", ["hf://owner/name", "hf://datasets/name", "hf://models/a/b"])

@@ -5,10 +5,12 @@ import json
 import tarfile
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 from shard_files import (
     FORMS,
     TABLES,
@@ -23,8 +25,10 @@ from shard_files import (
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RowError, RsaDataError, UsageError
 from rsa_data.datasets import images
+from rsa_data.datasets.depth_files import any_file
 from rsa_data.datasets.index import open_dataset
 from rsa_data.datasets.parquet import parquet
+from rsa_data.datasets.shard_listing import split_of
 from rsa_data.datasets.webdataset import webdataset, zipped
 from rsa_data.runner import chains
 from rsa_data.runner.engines.pool import EngineOptions
@@ -283,6 +287,48 @@ def test_parquet_with_paths_plain_bytes_and_cameras(tmp_path):
     assert images.read_image(tmp_path / row["image"]).shape == (40, 60, 3)
     with pytest.raises(RsaDataError, match="column k: expected images"):
         parquet(image="k").index(tmp_path, None)
+
+
+@pytest.mark.parametrize(("kind", "unit"), [(np.uint16, "mm"), (np.float32, "m"), (np.int32, "mm")])
+def test_depth_arrays_as_datasets_keeps_them(tmp_path, kind, unit):
+    package = pytest.importorskip("datasets")
+    metres = np.random.default_rng(0).uniform(0.5, 9, (2, 20, 30)).round(3)
+    metres[0, 0, 0] = 0
+    arrays = list((metres * (1000 if unit == "mm" else 1)).round(3).astype(kind))
+    features = package.Features({"rgb": package.Image(), "depth": package.Image()})
+    rows = {"rgb": [np.zeros((20, 30, 3), np.uint8)] * 2, "depth": arrays}
+    made = package.Dataset.from_dict(rows, features=features)
+    made.to_parquet(str(tmp_path / "train-00000-of-00001.parquet"))
+    dataset = parquet(image="rgb", depth="depth", depth_unit=unit)
+    found = dataset.index(tmp_path, None)["depth"].to_pylist()
+    for path, expected in zip(found, metres, strict=True):
+        np.testing.assert_allclose(dataset.read_depth(tmp_path / path), expected, atol=1e-3)
+
+
+def test_tiffs_that_are_no_depth_are_refused(tmp_path):
+    read = any_file("mm", "depth_unit")
+    for name, image in {
+        "colour": Image.new("RGB", (4, 4)),
+        "grey": Image.new("L", (4, 4)),
+        "float": Image.fromarray(np.ones((4, 4), np.float32)),
+    }.items():
+        image.save(tmp_path / f"{name}.tiff")
+    for name in ("colour", "grey"):
+        with pytest.raises(
+            RowError, match="expected a TIFF with grey of 16 or 32 bits, found mode"
+        ):
+            read(tmp_path / f"{name}.tiff")
+    (tmp_path / "cut.tiff").write_bytes((tmp_path / "float.tiff").read_bytes()[:60])
+    with pytest.raises(RowError, match="depth: unreadable TIFF"):
+        read(tmp_path / "cut.tiff")
+    with pytest.raises(RowError, match="expected integers, counted in steps"):
+        any_file("m/256", "depth_unit")(tmp_path / "float.tiff")
+
+
+def test_splits_of_the_hubs_own_copies_are_told_by_their_folders():
+    names = {"default/partial-train/0001.parquet": "train", "default/test/0000.parquet": "test",
+             "default/partial-validation/0000.parquet": "val"}  # fmt: skip
+    assert {name: split_of(name) for name in names} == names
 
 
 def test_other_options_are_refused():
