@@ -85,7 +85,7 @@ def _folder(folder: Path) -> Records:
         path.relative_to(folder).with_suffix("").as_posix(): path
         for suffix in (".caption", ".txt")  # of both, the later is meant
         for path in sorted(folder.rglob(f"*{suffix}"))
-        if path.is_file() and not path.name.startswith(".")
+        if not path.is_dir() and not path.name.startswith(".")
     }
     return Records(folder.name, tuple(files), lambda key: lines(files[key], f"{key}.txt") or [])
 

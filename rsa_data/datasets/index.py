@@ -78,7 +78,8 @@ def find_root(work: WorkDir, name: str, given: Path | None = None) -> Path | Non
     if wanted is not None:
         return wanted
     if (last := work.store.read(f"{name}/root.txt")) is not None:
-        text = last.decode("utf-8", "replace")
+        # What is not UTF-8 becomes characters that do not print.
+        text = last.decode("utf-8", "surrogateescape")
         if not (text.isprintable() and (is_path(text) or "://" in text)):
             raise RsaDataError(
                 f"{work.store.location}/{name}/root.txt: expected where the dataset's files lie; "
