@@ -4,7 +4,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +15,7 @@ from ..common.prefetch import each
 from ..datasets.dataset import Dataset
 from ..datasets.roots import readers
 from ..datasets.shards import name_of
-from . import maps
+from . import crowds, maps
 from .found import Found, to_segments
 from .segments import Segments, to_table
 
@@ -30,6 +30,7 @@ def build(
     root: Path | None,
     images: Sequence[str] | None = None,
     masks: bool = False,
+    crowd: Literal["omit", "stuff"] = "omit",
     **_: Any,
 ) -> Callable[[pa.Table], pa.Table]:
     """cityscapes:DIR: Cityscapes' instance maps, DIR being its folder gtFine.
@@ -53,7 +54,7 @@ def build(
             if owners[below] > 1:
                 raise RowError(f"expected one image of this map, found {owners[below]}")
             ids = maps.fitted(maps.read_numbers(folder / below), root, image, "instance map")
-            return segments(ids, masks)
+            return segments(ids, masks, crowd=crowd)
         except RowError as error:
             raise RowError(f"{_WHERE}: {below}: {error}") from error
 
@@ -84,11 +85,12 @@ def map_path(image: str | None) -> str:
     return f"{split}/{city}/{path.stem.removesuffix(_IMAGE)}{_MAP}"
 
 
-def segments(ids: np.ndarray, with_masks: bool = False) -> Segments:
+def segments(ids: np.ndarray, with_masks: bool = False, *, crowd: str = "omit") -> Segments:
     """Segments of an instance map by id; the void classes (ground, ego vehicle, ...) are left out.
 
     ids : int (height, width): label id, or 1000 * label id + instance (cityscapesscripts,
-    json2instanceImg). Raises RowError for a label id that Cityscapes does not have.
+    json2instanceImg); the label id alone of a class that has instances is a group of them, see
+    crowds.sort_out. Raises RowError for a label id that Cityscapes does not have.
     """
     table = class_names.table("cityscapes-ids")
     height, width = ids.shape
@@ -96,8 +98,15 @@ def segments(ids: np.ndarray, with_masks: bool = False) -> Segments:
     number = np.where(there >= 1000, there // 1000, there)
     if strange := sorted(set(number[number > 33].tolist())):
         raise RowError(f"expected label ids up to 33, found {strange[:5]}")
-    named = np.array([n in table.names for n in number.tolist()], bool)
+    entries = [
+        {"category_id": n, "iscrowd": i < 1000 and n in table.things, "place": k}
+        for k, (i, n) in enumerate(zip(there.tolist(), number.tolist(), strict=True))
+        if n in table.names
+    ]
+    kept, labels, things = crowds.sort_out(entries, table, crowd)
+    chosen = np.array([entry["place"] for entry in kept], np.int64)
     place = np.full(int(ids.max()) + 1, -1)
-    place[there[named]] = np.arange(named.sum())
-    found = Found(number[named], np.ones(int(named.sum())), index=place[ids])
+    place[there[chosen]] = np.arange(len(chosen))
+    score = np.ones(len(chosen))
+    found = Found(number[chosen], score, index=place[ids], is_thing=things, label=labels)
     return to_segments(found, width, height, table, with_masks=with_masks)

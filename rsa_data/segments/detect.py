@@ -55,8 +55,8 @@ def build(
     score_threshold : lowest score that is kept, instead of the model's own.
     images : gives the images of the whole dataset, which importers hold in memory.
     masks : keep each segment's mask as COCO run lengths.
-    crowd : what a region that COCO marks as a crowd becomes: nothing, or a segment of stuff such as
-        "crowd of people".
+    crowd : what a region that COCO marks as a crowd, or Cityscapes as a group, becomes: nothing, or
+        a segment of stuff such as "crowd of people".
     features : output of the graph to keep one row of for each segment.
     threads : images that the model runs on at the same time in each worker, each on one core;
         what comes out does not depend on it.

@@ -177,9 +177,12 @@ def test_cityscapes(tmp_path):
     source = f"cityscapes:{tmp_path / 'gtFine'}"
     images = ["leftImg8bit/val/ulm/a_leftImg8bit.png", "val/ulm/b_leftImg8bit.png", "a.png"]
     found = run(source, images)
-    assert found[0]["label"] == ["road", "sky", "car", "car", "car"]
-    assert found[0]["area"] == [20 / 80, 20 / 80, 9 / 80, 15 / 80, 6 / 80]
-    assert found[0]["is_thing"] == [False, False, True, True, True]
+    assert found[0]["label"] == ["road", "sky", "car", "car"]
+    assert found[0]["area"] == [20 / 80, 20 / 80, 15 / 80, 6 / 80]
+    assert found[0]["is_thing"] == [False, False, True, True]
+    with_group = run(source, images, crowd="stuff")[0]
+    assert with_group["label"] == ["road", "sky", "group of cars", "car", "car"]
+    assert with_group["area"][2] == 9 / 80 and not with_group["is_thing"][2]
     assert [row["error"] for row in found[1:]] == [
         "segments/cityscapes: val/ulm/b_gtFine_instanceIds.png: no such file",
         "segments/cityscapes: expected an image .../SPLIT/CITY/x_leftImg8bit.png, found a.png",
