@@ -89,6 +89,7 @@ def _by_names(graph: Graph, file: str) -> _Found:
             {"family": "detr", "score": kind, "score_threshold": 0.5},
             resize="stretch",
         )
+        settings["input"]["resample"] = "pillow"  # as transformers' image processors
         if kind == "softmax":  # RT-DETR and D-FINE take plain 0 to 1
             settings["input"] |= {"mean": mean, "std": std}
         return settings, f"DETR or one of its kin ({kind} scores)"
@@ -115,6 +116,7 @@ def _by_names(graph: Graph, file: str) -> _Found:
                 raise RsaDataError(f"{file}: expected a square input of RT-DETR. {CARD}")
             others = {"orig_target_sizes": {"fill": "input-size"}}
             settings = _card(graph, output, decoder, resize="stretch", others=others)
+            settings["input"]["resample"] = "pillow"  # as its own scripts
             return settings, "RT-DETR with its post-processing"
         settings = _card(graph, output, decoder | {"score_threshold": 0.5})
         return settings, "torchvision detection (boxes, labels, scores)"
