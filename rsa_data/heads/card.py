@@ -5,12 +5,13 @@ from typing import Any
 
 from ..common.cards import about as about_model
 from ..store.tables import WorkDir
+from .belong import kinds_of
+from .description import Features
 
 
 def model_card(name: str, about: dict[str, Any], work: WorkDir | None = None) -> str:
     """A card that Hugging Face shows too. about : head.json. work : where its evaluations are."""
-    features, depth = about["features"], about.get("depth_model") or {}
-    encoder, style = features.get("encoder"), features.get("style")
+    features, depth = Features.of(about["features"]), about.get("depth_model") or {}
     model = depth.get("model")
     lines = [
         "---",
@@ -29,8 +30,7 @@ def model_card(name: str, about: dict[str, Any], work: WorkDir | None = None) ->
         "",
         f"- Architecture: {_text(about['architecture']['name'])}, "
         f"{about.get('parameters') or 'an unknown number of'} parameters.",
-        f"- Features: {_text(encoder)} of captions in the style {_text(style)}, "
-        f"{features['dim']} numbers{_licence(encoder)}.",
+        *(f"- {line}" for line in _inputs(features)),
         f"- Relative depth: {_text(model)}{_licence(model)}, at {_geometries(depth)}. Another "
         "model or geometry gives wrong metres.",
         f"- Segments in training: {_text(', '.join(sorted(_segments(about))) or None)}.",
@@ -58,6 +58,24 @@ def model_card(name: str, about: dict[str, Any], work: WorkDir | None = None) ->
         "",
     ]
     return "\n".join(lines)
+
+
+def _inputs(features: Features) -> list[str]:
+    """Each input of the head in words, with the encoder and its licence."""
+    found = []
+    for kind, one in zip(kinds_of(features), (features, *(features.beside or [])), strict=True):
+        # Of several inputs the first one's name holds those of all.
+        encoder = (one.options or {}).get("encoder") or str(one.encoder or "").partition("+")[0]
+        by = f"{_text(encoder)}{_licence(encoder)}"
+        found.append(
+            {
+                "text": f"A caption in the style {_text(one.style)}, as features of {by}.",
+                "objects": f"The photo's objects: their names as features of {by}, their shares of "
+                "the image and their places.",
+                "image": f"The photo itself, as features of {by}.",
+            }.get(kind, f"Features of the kind {_text(kind)} by {by}.")
+        )
+    return found
 
 
 def _text(value: Any) -> str:

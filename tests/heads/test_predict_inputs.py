@@ -12,11 +12,14 @@ from rsa_data.cli.main import cli
 from rsa_data.common import options as binding
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads.belong import Source, features_of
+from rsa_data.heads.card import model_card
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.heads.inputs import kinds
+from rsa_data.heads.predict.choices import Models
 from rsa_data.heads.predict.nouns import objects_in, text_of
 from rsa_data.heads.predict.predict import predict as predict_function
 from rsa_data.store.tables import WorkDir
+from rsa_data.views.playground import desk
 from tests.helpers import own_models
 
 PHOTOS = ("a.png", "b.png")
@@ -122,6 +125,27 @@ def test_a_head_of_objects_reads_those_that_a_caption_names(made):
     output = run("predict", "--head", "objects", "--caption", "two chairs", "--json",
                  "--work", work.store.location)  # fmt: skip
     assert json.loads(output)[0]["caption"] == "two chairs"
+
+
+@pytest.mark.parametrize("name", ["objects", "image"])
+def test_the_page_answers_with_a_head_of_objects_or_the_photo(made, name):
+    work, here, model = made
+    models = desk.load(work, name, Models(**model))
+    picture = desk.of_file(models, here / "photos/a.png")
+    found = desk.answer(models, picture.caption, picture, spread=False)
+    (p, _) = predict(work, here / "photos", head=name, **model)
+    assert found.scale == pytest.approx(p.scale, rel=1e-5)
+    edited = desk.answer(models, "a desk and two chairs", picture, spread=False)
+    assert (edited.scale == found.scale) == (name == "image")
+    if name == "objects":
+        assert picture.caption.startswith(("red ", "blue ")) and "%" in picture.caption
+
+
+def test_the_card_of_a_head_says_what_it_reads(made):
+    about = ScaleHead.load(made[0].store.folder / "heads/image-objects").description
+    text = model_card("mine", about)
+    assert "- The photo itself, as features of thumbnail." in text
+    assert "- The photo's objects: their names as features of minilm" in text
 
 
 @pytest.mark.parametrize(

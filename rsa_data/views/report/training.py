@@ -45,7 +45,7 @@ def _head(work: WorkDir, name: str) -> Html:
     features = about.get("features", {})
     told = (
         f"{architecture}, {about.get('parameters', 0):,} parameters, on "
-        f"{features.get('style')} captions by {features.get('encoder')}; relative depth of "
+        f"{_read(features)} by {features.get('encoder')}; relative depth of "
         f"{about.get('depth_model', {}).get('model')}."
     )
     notes = [
@@ -58,6 +58,13 @@ def _head(work: WorkDir, name: str) -> Html:
         "article", tag("h3", f"Head {name}"), tag("p", told), tag("ul", notes) if notes else "",
         tag("div", _curves(work, name), class_="plots"), _evaluations(work, name),
     )  # fmt: skip
+
+
+def _read(features: dict[str, Any]) -> str:
+    """What a head reads, in words."""
+    styles = [one.get("style") for one in (features, *(features.get("beside") or []))]
+    known = {"objects": "objects", "images": "the image", "proposals": "a detector's features"}
+    return " and ".join(known.get(str(style), f"{style} captions") for style in styles)
 
 
 def _curves(work: WorkDir, name: str) -> list[Html]:
