@@ -3,11 +3,13 @@
     python benchmarks/figures.py WORK [--name comparison] [--out docs/img]
 
 Writes inputs.svg (AbsRel less that of text on the same images, with 95% intervals by scene, of
-WORK/comparisons/NAME/paired.csv) and descriptions.svg (AbsRel with wrong or poor descriptions over
-that with plain ones, for the first text and the first objects head of the comparison).
+WORK/comparisons/NAME/paired.csv) and descriptions.svg (AbsRel with wrong or poor descriptions, of
+the first text and the first objects head of the comparison).
 """
 
 import argparse
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -34,15 +36,24 @@ ROWS = (
 LEFT, WIDE, LINE = 250, 400, 18
 
 
-def dots(title: str, panels: dict[str, list[tuple[str, list[tuple[float, float, float]]]]],
-         names: list[str], zero: float) -> str:  # fmt: skip
-    """Panels of rows of (value, low, high) in as many series as there are names."""
-    every = [v for rows in panels.values() for _, spots in rows for spot in spots for v in spot]
-    ticks = svg.ticks(min(*every, zero), max(*every, zero))
-    low, high = min(ticks[0], *every), max(ticks[-1], *every)
+Spot = tuple[float, float, float] | None
+
+
+def dots(
+    title: str,
+    panels: dict[str, list[tuple[str, list[Spot]]]],
+    names: list[str],
+    ticks: list[float],
+    of: Callable[[float], float] = float,
+) -> str:
+    """Panels of rows of (value, low, high) in as many series as there are names.
+
+    of : what the axis is even in, such as math.log.
+    """
+    low, high = of(ticks[0]), of(ticks[-1])
 
     def x(value: float) -> float:
-        return LEFT + WIDE * (value - low) / (high - low)
+        return LEFT + WIDE * (of(value) - low) / (high - low)
 
     parts, y = [], 48.0
     for k, name in enumerate(names):
@@ -50,47 +61,47 @@ def dots(title: str, panels: dict[str, list[tuple[str, list[tuple[float, float, 
     y += 14 if names else 0
     for panel, rows in panels.items():
         parts.append(svg.label(10, y, panel, "start", strong=True))
-        top, y = y, y + LINE
+        bottom = y + LINE * len(rows) + 4
+        parts += [svg.rule(x(t), y + 6, x(t), bottom) for t in ticks]
+        parts += [svg.label(x(t), bottom + 16, svg.short(t)) for t in ticks]
+        y += LINE
         for label, spots in rows:
             parts.append(svg.label(LEFT - 8, y + 4, label, "end"))
-            for k, (value, least, most) in enumerate(spots):
-                place = y + 4 * (k - (len(spots) - 1) / 2)
-                parts.append(svg.path([(x(least), place), (x(most), place)], k))
-                parts.append(svg.mark(x(value), place, k))
+            for k, spot in enumerate(spots):
+                if spot is not None:
+                    value, least, most = spot
+                    parts.append(svg.path([(x(least), y), (x(most), y)], k))
+                    parts.append(svg.mark(x(value), y, k))
             y += LINE
-        parts.append(svg.rule(x(zero), top + 6, x(zero), y - 8))
-        y += LINE / 2
-    parts.append(svg.rule(LEFT, y, LEFT + WIDE, y))
-    parts += [svg.label(x(t), y + 16, svg.short(t)) for t in ticks]
-    return svg.document(title, (LEFT + WIDE + 40, y + 30), parts)
+        y += 2 * LINE
+    return svg.document(title, (LEFT + WIDE + 40, y - LINE), parts)
 
 
 def inputs(folder: Path) -> str:
     """Each row's AbsRel less that of text."""
     table = pd.read_csv(folder / "paired.csv")
-    panels = {}
+    panels: dict[str, list[tuple[str, list[Spot]]]] = {}
     for dataset, rows in table.groupby("dataset", sort=False):
         known = rows.set_index("method")
         panels[str(dataset)] = [
             (m, [tuple(known.loc[m, ["mean", "low", "high"]])]) for m in ROWS if m in known.index
         ]
-    return dots("AbsRel less that of text, synthetic scenes, 95% intervals by scene",
-                panels, [], 0.0)  # fmt: skip
+    every = [v for rows in panels.values() for _, spots in rows for v in spots[0] or ()]
+    title = "AbsRel less that of text, synthetic scenes, 95% intervals by scene"
+    return dots(title, panels, [], svg.ticks(min(every), max(every)))
 
 
 def descriptions(heads: list[Path]) -> str:
-    """AbsRel by change over that of the plain description, without intervals: one seed each."""
+    """AbsRel by change, without intervals: one seed each."""
     tables = [pd.read_csv(folder / "summary.csv") for folder in heads]
-    panels: dict[str, list[tuple[str, list[tuple[float, float, float]]]]] = {}
+    panels: dict[str, list[tuple[str, list[Spot]]]] = {}
     for dataset in tables[0]["dataset"].unique():
         own = [t[t["dataset"] == dataset].set_index("method")["abs_rel"] for t in tables]
         panels[str(dataset)] = [
-            (m, [(float(t[m] / t["plain"]),) * 3 for t in own if m in t.index])
-            for m in own[-1].index
-            if m != "plain"
+            (m, [(float(t[m]),) * 3 if m in t.index else None for t in own]) for m in own[-1].index
         ]
-    return dots("AbsRel over that with plain descriptions, synthetic scenes",
-                panels, ["text", "objects"], 1.0)  # fmt: skip
+    title = "AbsRel with wrong or poor descriptions, synthetic scenes, one seed"
+    return dots(title, panels, ["text", "objects"], [0.1, 0.2, 0.5, 1, 2, 3], math.log)
 
 
 def main() -> None:
