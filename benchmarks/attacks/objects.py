@@ -40,6 +40,7 @@ HOW = (
     "endless",
     "bomb",
     "pages",
+    "longpages",
     "retryafter",
 )
 

@@ -296,8 +296,10 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(start + b"\r\n")
             for number in range(10**8):
                 self.wfile.write(b'<a href="%d.png">x</a>\n' % number)
-        elif how == "pages":
-            body = _LISTING.format(keys=_keys(f"{time.time_ns()}.png")).replace(
+        elif how in ("pages", "longpages"):
+            count = 1 if how == "pages" else 1000
+            names = [f"{time.time_ns()}-{number}.png" for number in range(count)]
+            body = _LISTING.format(keys=_keys(*names)).replace(
                 "false",
                 f"true</IsTruncated><NextContinuationToken>{time.time_ns()}</NextContinuationToken><IsTruncated>true",
             )
