@@ -240,6 +240,13 @@ def moments() -> Iterator[int]:
         number += max(1, number // 2)
 
 
+def record(trials: Trials, given: argparse.Namespace) -> None:
+    """Keeps the figures of a command, with --record."""
+    if given.record:
+        row = [trials.name, trials.tried, trials.killed, trials.bad]
+        recording.update("crash", _TITLE, ("command", "trials", "killed", "other bytes"), [row])
+
+
 def fill(words: str, rooms: Path) -> list[str]:
     """A command's words with what the dataset calls its files."""
     image = min((rooms / "test" / "rgb").glob("*.png"))
@@ -285,6 +292,7 @@ def main() -> int:
     if re.search(given.only, "chain"):
         every.append(Trials("chain", words, place, None))
         chain(every[-1], given)
+        record(every[-1], given)
         shutil.rmtree(place)
         place.mkdir()
         ended(start(words, place))
@@ -298,10 +306,8 @@ def main() -> int:
             for number in moments():
                 if not trials.trial(f"any:{number}", once=command.startswith(_ONCE)):
                     break
+            record(trials, given)
     shutil.rmtree(base)
-    if given.record:
-        rows = [[t.name, t.tried, t.killed, t.bad] for t in every]
-        recording.update("crash", _TITLE, ("command", "trials", "killed", "other bytes"), rows)
     tried, killed, bad = (sum(getattr(t, n) for t in every) for n in ("tried", "killed", "bad"))
     print(f"{tried} trials, {killed} killed, {bad} ended otherwise than undisturbed")
     return 1 if bad else 0
