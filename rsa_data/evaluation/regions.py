@@ -57,7 +57,11 @@ def rescaled(
     return linear[at] * factor if factor > 0 else None
 
 
-def by_regions(segments: str, fit: Fit) -> Method:
+def by_regions(
+    segments: str,
+    fit: Fit,
+    regions: Callable[[Mapping[str, Any], tuple[int, ...]], np.ndarray] | None = None,
+) -> Method:
     """Depth by a fit in each region, fitted on one half of its pixels and measured on the other.
 
     Every second pixel of a region, row by row, is one half; each half gets the fit of the other, so
@@ -65,7 +69,11 @@ def by_regions(segments: str, fit: Fit) -> Method:
     so this is more than anything that reads the image could reach: a bound. A pixel belongs to the
     smallest segment over it; those in none are one region. Where a half has fewer than 16 pixels,
     or leaves the fit open, the image's linear fit holds.
+
+    regions : (row of the segments table, shape of the map) -> number of each pixel's region, in
+    place of `region_of`.
     """
+    divide = regions or region_of
 
     def method(part: TestPart) -> Callable[[Image], Prediction]:
         columns = ["sample_id", "status", "width", "height", "area", "mask"]
@@ -81,7 +89,7 @@ def by_regions(segments: str, fit: Fit) -> Method:
                 raise RowError("the relative depth leaves this fit open")
             linear = oracles.metric(image.y, *whole)
             depth = linear.copy()
-            for half, other in halves(region_of(row, image.valid.shape)[image.valid]):
+            for half, other in halves(divide(row, image.valid.shape)[image.valid]):
                 own = fit(image.y, image.gt, linear, half, other)
                 if own is not None:
                     depth[other] = own
