@@ -30,7 +30,7 @@ def example_caption(work: WorkDir, head: str) -> str:
             if name.startswith("captions/") and (parts := table.parts()):
                 texts = table.read(parts[0], ["text"])["text"].to_pylist()
                 # "An image." is what is said where nothing was found.
-                return shlex.quote(max(texts[:50], key=len, default=_CAPTION))
+                return shlex.quote(next((t for t in texts if t != "An image."), _CAPTION))
     return shlex.quote(_CAPTION)
 
 
