@@ -184,7 +184,7 @@ class Running:
             return "traceback"
         if not self.attack.mistakes and _MISTAKE.search(said):
             return "broken"
-        if re.search(r"[1-9][\d,]* (failed|images have no answer)", said):
+        if re.search(r"[1-9][\d,]* (failed|images have no text and got)", said):
             return "failed"
         if status == 0:
             return "accepted"
