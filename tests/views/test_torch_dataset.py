@@ -1,6 +1,7 @@
 """ShardDataset against the tables it reads; the trainer of docs/pytorch.md against train_head."""
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -111,8 +112,6 @@ def test_images_that_are_left_out(data):
 
 
 def test_what_is_not_whole_is_refused(work, tmp_path):
-    import shutil
-
     shutil.copytree(work.store.location, tmp_path / "work")
     copy = WorkDir(tmp_path / "work")
     table = copy.table("nyuv2", "depth/files")
@@ -125,11 +124,31 @@ def test_what_is_not_whole_is_refused(work, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_trainer_of_the_page_reaches_the_error_of_train_head(work):
-    code = re.search(r"<!-- example: trainer -->\n```python\n(.*?)```", PAGE, re.DOTALL)[1]
+def test_the_trainer_of_the_page_reaches_the_error_of_train_head(work, tmp_path):
+    blocks = dict(re.findall(r"<!-- example: (\w+) -->\n```python\n(.*?)```", PAGE, re.DOTALL))
+    code = blocks["trainer"]
     assert len([line for line in code.splitlines() if line.strip()]) <= 32
     names = {"WORK": work.store.location, "EPOCHS": 40}
     exec(code, names)
     made = train_head(work, epochs=40, batch=16, pixels=64, validation=0.1, threads=1, lr=3e-3)
     theirs = made.description["validation"]["abs_rel"]["nyuv2"]
     assert names["error"] < max(1.2 * theirs, theirs + 0.01), (names["error"], theirs)
+
+    # Test images of the same kinds of room, as whole maps.
+    shutil.copytree(work.store.location, tmp_path / "work")
+    rng = np.random.default_rng(1)
+    texts = work.table("nyuv2", "captions/occupancy").read(0).slice(0, 2)["text"].to_pylist()
+    embeddings = work.table("nyuv2", "embeddings/occupancy/minilm").read(0)
+    ids = work.table("nyuv2", "captions/occupancy").read(0).slice(0, 2)["text_id"].to_pylist()
+    rows = [embeddings["text_id"].to_pylist().index(i) for i in ids]
+    vectors = dict(zip(texts, schemas.embedding_array(embeddings)[rows], strict=True))
+    kind = int(texts[0][-1])
+    y = rng.uniform(0, 10, (3, 64))
+    metric = 1 / ((0.02 + 0.02 * kind) * y + 0.05 + 0.05 * kind)
+    write(
+        WorkDir(tmp_path / "work"), "nyuv2", scenes=["s"] * 3, texts=[texts] * 3, features=vectors,
+        relative=y, metric=metric, split="test", first_part=5, size=(8, 8),
+    )  # fmt: skip
+    names["WORK"] = str(tmp_path / "work")
+    exec(blocks["measured"], names)
+    assert len(names["errors"]) == 3 and names["abs_rel"] < 2 * names["error"] + 0.05
