@@ -221,6 +221,17 @@ def smooth(values: np.ndarray, frames: int) -> np.ndarray:
     return mean
 
 
+def doubts(found: Fit) -> list[str]:
+    """A warning where the points that were used miss their own fit."""
+    worst = float(np.abs(found.residuals[found.used]).max(initial=0.0))
+    if worst <= _WRONG:
+        return []
+    return [
+        f"the known distances do not agree with the relative depth: the fit misses one by "
+        f"{worst:.0%}; check the pixels and the distances"
+    ]
+
+
 def told(found: Fit, metres: np.ndarray) -> list[str]:
     """The residuals of a fit in words."""
     parts = [

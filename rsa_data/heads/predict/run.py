@@ -189,6 +189,7 @@ class Run:
             p.scale, p.shift = found.scale, found.shift
             p.notes += known_depth.told(found, metres)
             p.warnings += [found.assumption] if found.assumption else []
+            p.warnings += known_depth.doubts(found)
         elif len(at):
             p.notes.append(f"from words alone: scale {p.scale:.6g}, shift {p.shift:.6g}")
             prior = self.about.get("prior")
