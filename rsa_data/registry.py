@@ -32,25 +32,17 @@ DATASETS = Entries(
     },
 )
 
+# Networks that a model card describes, and graphs that tell by themselves what they are.
+_BY_CARD = (
+    "detr-resnet-50-panoptic", "deeplab-edgetpu-cityscapes", "deeplab-v3-voc", "detr-resnet-50",
+    "dfine-small", "fastestdet", "maskdino", "maskformer", "nanodet-m", "rtdetr-r18vd", "onnx",
+    "rtdetr-r50vd", "road-segmentation-adas-0001", "yolox-nano", "yolox-s", "yolox-tiny",
+)  # fmt: skip
+
 SEGMENTERS = Entries(
     "segmenters",
     {
-        "detr-resnet-50-panoptic": "rsa_data.segments.onnx:build",
-        "deeplab-edgetpu-cityscapes": "rsa_data.segments.onnx:build",
-        "deeplab-v3-voc": "rsa_data.segments.onnx:build",
-        "detr-resnet-50": "rsa_data.segments.onnx:build",
-        "dfine-small": "rsa_data.segments.onnx:build",
-        "fastestdet": "rsa_data.segments.onnx:build",
-        "maskdino": "rsa_data.segments.onnx:build",
-        "maskformer": "rsa_data.segments.onnx:build",
-        "nanodet-m": "rsa_data.segments.onnx:build",
-        "road-segmentation-adas-0001": "rsa_data.segments.onnx:build",
-        "rtdetr-r18vd": "rsa_data.segments.onnx:build",
-        "rtdetr-r50vd": "rsa_data.segments.onnx:build",
-        "yolox-nano": "rsa_data.segments.onnx:build",
-        "yolox-s": "rsa_data.segments.onnx:build",
-        "yolox-tiny": "rsa_data.segments.onnx:build",
-        "onnx": "rsa_data.segments.onnx:build",
+        **dict.fromkeys(_BY_CARD, "rsa_data.segments.onnx:build"),
         "rsa-release": "rsa_data.segments.rsa_release:build",
         "coco-panoptic": "rsa_data.segments.coco_panoptic:build",
         "coco-detections": "rsa_data.segments.coco_detections:build",

@@ -91,6 +91,12 @@ def find_root(work: WorkDir, name: str, given: Path | None = None) -> Path | Non
     return Path("data") / name if (Path("data") / name).is_dir() else None
 
 
+def root_of(work: WorkDir, dataset: Dataset, given: Path | None) -> Path | None:
+    """As find_root, or else the address that the dataset itself has."""
+    found = find_root(work, dataset.name, given)
+    return open_root(dataset.address) if found is None and dataset.address else found
+
+
 def missing_root(dataset: Dataset) -> RsaDataError:
     """The error for a dataset whose files are needed and cannot be found."""
     variable = f"RSA_DATA_{dataset.name.upper().replace('-', '_')}_ROOT"

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
-from ..datasets.roots import is_remote, open_root
+from ..datasets.roots import is_remote
 from ..store.table_names import check_dataset_name, is_name
 from ..store.tables import WorkDir
 from . import jobs, limits, runs, selection, stages
@@ -69,7 +69,7 @@ def samples(
     else:
         dataset, kept = index.open_dataset(choice, given)
     sizes = {k: kept.pop(k) for k in ("part_size", "test_part_size") if k in kept}
-    found = index.find_root(work, dataset.name, root)
+    found = index.root_of(work, dataset, root)
     if root and not is_remote(root) and not root.is_dir() and dataset.prepare is None:
         raise RsaDataError(f"--root {root}: expected a folder; there is none")
     if dataset.prepare is not None:
@@ -79,8 +79,6 @@ def samples(
                 f"--root {found}: dataset {dataset.name} writes its files: expected a folder"
             )
         dataset.prepare(found)
-    if found is None and dataset.address:
-        found = open_root(dataset.address)
     rows = None
     if found is None and source is not None and source.stage.selector and not table.complete():
         rows = source.stage.index(str(source.options[source.stage.selector]), dataset)
@@ -134,10 +132,8 @@ def _run(job: Job, how: RunOptions) -> Summary:
             f"{summary.output}: {len(summary.undone)} parts are not done; part {number}: {why}. "
             "Finished parts are kept: run the same command again"
         )
-    seen = summary.ok + summary.failed
-    limits.check_failures(
-        summary.failed, seen, how.max_failures, lambda: summary.reasons, ended=True
-    )
+    failed, seen = summary.failed, summary.ok + summary.failed
+    limits.check_failures(failed, seen, how.max_failures, lambda: summary.reasons, ended=True)
     return summary
 
 
@@ -242,8 +238,7 @@ def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
         names = [name for name in made if made[name] in order]
         for name in sorted(names, key=lambda name: (order.index(made[name]), name)):
             table = work.table(dataset, name)
-            failed = any(r.failed for r in table.receipts(table.parts()))
-            if failed or outdated(work, table):
+            if any(r.failed for r in table.receipts(table.parts())) or outdated(work, table):
                 try:
                     _run(jobs.job_of(work, dataset, name), replace(how, redo_failed=True))
                 except RsaDataError as error:
