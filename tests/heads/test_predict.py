@@ -224,7 +224,7 @@ def test_a_known_point_pulls_the_prediction_to_it(work, y, tmp_path):
         ("--caption a --caption b --relative y.npy", "without photos take one --caption"),
         ("nowhere --caption a", "expected an image, a video or a folder; there is none"),
         ("--caption a --relative y.npy --intrinsics 1,2", "expected fx,fy,cx,cy"),
-        ("--caption a --relative y.npy --fov 200", "expected 1 to 179 degrees"),
+        ("--caption a --relative y.npy --fov 200", "1 to 179"),
         ("--caption a --relative y.npy --out x.glb", "a textured mesh needs the photo"),
         ("a.png a.png --caption a --relative y.npy --out x.npy", "one file for several photos"),
         ("--caption a --head hed", "Did you mean 'head'"),

@@ -4,6 +4,7 @@ import json
 
 import cv2
 import numpy as np
+import own_models
 import pytest
 import torch
 from click.testing import CliRunner
@@ -20,7 +21,6 @@ from rsa_data.heads.predict.nouns import objects_in, text_of
 from rsa_data.heads.predict.predict import predict as predict_function
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.playground import desk
-from tests.helpers import own_models
 
 PHOTOS = ("a.png", "b.png")
 HEADS = {

@@ -2,15 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from ...store.tables import WorkDir
-from . import scene
 from .kinds import Feed, Kind, find, ranges
+from .scene import Live, Maker, Scene, text_encoder, text_files
 
 # What stands behind the feature of an object's name: logarithm of its share of the image, the
 # share, whether they are known; x and y of its centre from the middle of the image in shares of
@@ -150,4 +151,31 @@ def of_table(ids: pa.ChunkedArray, table: pa.Table) -> Objects:
     )
 
 
-OBJECTS = Kind(read, "objects", made_by="rsa-data embed-objects", live=scene.OBJECTS)
+def _of_scenes(options: dict[str, Any], weights: Path | None) -> Maker:
+    """Objects of scenes -> their rows, as those of the tables."""
+    encode = text_encoder(options, weights)
+    known: dict[str, np.ndarray] = {}
+
+    def make(scenes: Sequence[Scene]) -> np.ndarray:
+        things = [thing for scene in scenes for thing in scene.things or ()]
+        names = list(dict.fromkeys(thing.name for thing in things))
+        for name in names:
+            if name not in known:
+                known[name] = encode([name])[0].astype(np.float32)  # alone, as embed-objects does
+        features = [known[name] for name in names]
+        counts = [len(scene.things or ()) for scene in scenes]
+        shares = np.array([np.nan if t.share is None else t.share for t in things], np.float64)
+        places = np.array([t.center or (np.nan, np.nan) for t in things], np.float64)
+        about = numbers(shares, places.reshape(-1, 2), np.array([t.is_thing for t in things], bool))
+        return Objects(
+            np.stack(features) if names else np.zeros((0, 0), np.float32),
+            np.array([names.index(thing.name) for thing in things], np.int64),
+            about,
+            np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+            np.ones(len(scenes), bool),
+        ).rows(np.arange(len(scenes)), np.zeros(len(scenes)))
+
+    return make
+
+
+OBJECTS = Kind(read, "objects", made_by="rsa-data embed-objects", live=Live(text_files, _of_scenes))

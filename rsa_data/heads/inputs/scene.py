@@ -50,22 +50,24 @@ class Live:
     load: Callable[[dict[str, Any], Path | None], Maker]
 
 
-def _text_files(options: dict[str, Any], weights: Path | None) -> dict[str, Path]:
+def text_files(options: dict[str, Any], weights: Path | None) -> dict[str, Path]:
+    """The files of a text encoder; may download them."""
     from ...embeddings import embed
 
     return embed.files(**{**options, "encoder_weights": weights})
 
 
-def _text_encoder(
+def text_encoder(
     options: dict[str, Any], weights: Path | None
 ) -> Callable[[Sequence[str]], np.ndarray]:
+    """Texts -> features, float32 (n, dim), with the encoder in memory."""
     from ...embeddings import embed
 
     return embed.loaded(**{**options, "encoder_weights": weights})
 
 
 def _texts(options: dict[str, Any], weights: Path | None) -> Maker:
-    encode = _text_encoder(options, weights)
+    encode = text_encoder(options, weights)
     return lambda scenes: encode(
         [scene.text if scene.text is not None else "An image." for scene in scenes]
     )
@@ -93,34 +95,5 @@ def _images(options: dict[str, Any], weights: Path | None) -> Maker:
     return make
 
 
-def _objects(options: dict[str, Any], weights: Path | None) -> Maker:
-    from .objects import Objects, numbers
-
-    encode = _text_encoder(options, weights)
-    known: dict[str, np.ndarray] = {}
-
-    def make(scenes: Sequence[Scene]) -> np.ndarray:
-        things = [thing for scene in scenes for thing in scene.things or ()]
-        names = list(dict.fromkeys(thing.name for thing in things))
-        for name in names:
-            if name not in known:
-                known[name] = encode([name])[0].astype(np.float32)  # alone, as embed-objects does
-        features = [known[name] for name in names]
-        counts = [len(scene.things or ()) for scene in scenes]
-        shares = np.array([np.nan if t.share is None else t.share for t in things], np.float64)
-        places = np.array([t.center or (np.nan, np.nan) for t in things], np.float64)
-        about = numbers(shares, places.reshape(-1, 2), np.array([t.is_thing for t in things], bool))
-        return Objects(
-            np.stack(features) if names else np.zeros((0, 0), np.float32),
-            np.array([names.index(thing.name) for thing in things], np.int64),
-            about,
-            np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-            np.ones(len(scenes), bool),
-        ).rows(np.arange(len(scenes)), np.zeros(len(scenes)))
-
-    return make
-
-
-TEXT = Live(_text_files, _texts)
+TEXT = Live(text_files, _texts)
 IMAGE = Live(_image_files, _images)
-OBJECTS = Live(_text_files, _objects)
