@@ -20,6 +20,7 @@ import importlib
 import json
 import math
 import statistics
+import subprocess
 import sys
 import tempfile
 from contextlib import nullcontext
@@ -111,11 +112,26 @@ def measure(row: Row, given: argparse.Namespace) -> None:
             _COLUMNS,
             rows,
             note=f"{row.count:,} {row.unit}. {row.note}",
-            packages=("sentence-transformers", "datasets"),
+            packages=("datasets", "webdataset", "pandas", "scipy"),
+            peers=their_versions(given.peer_python),
             threads=given.threads,
             rounds=min(map(len, runs.values())),
             runs=runs,
         )
+
+
+def their_versions(python: str) -> str:
+    """Versions of packages that the peers' Python has."""
+    names = ("sentence-transformers", "transformers", "optimum", "fastembed", "open-clip-torch",
+             "supervision", "torch", "onnxruntime")  # fmt: skip
+    code = (
+        "import sys; from importlib.metadata import version\n"
+        "for name in sys.argv[1:]:\n"
+        "    try: print(name, version(name))\n"
+        "    except Exception: pass"
+    )
+    said = subprocess.run([python, "-c", code, *names], capture_output=True, text=True, check=True)
+    return ", ".join(said.stdout.split("\n")[:-1])
 
 
 def earlier(row: Row) -> dict[str, list[list[float]]]:
