@@ -38,7 +38,7 @@ def test_coco_names_that_no_file_has(tmp_path, images, names, kind):
     content = {**PANOPTIC, "images": images, "categories": [{"id": 1, "name": names}]}
     content |= {"annotations": RESULTS["annotations"] if kind is coco_detections else []}
     (tmp_path / "a.json").write_text(json.dumps(content))
-    with pytest.raises(RsaDataError, match=r"a.json.*expected (a path|text), found"):
+    with pytest.raises(RsaDataError, match=r"a.json.*expected (a path|a name of .*), found"):
         kind.build(argument=str(tmp_path / "a.json"), dataset=folder(), root=None)
 
 
