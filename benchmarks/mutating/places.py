@@ -100,7 +100,10 @@ def of_file(tree: Path, file: str):
                 continue
 
             def way(name=name, operator=operator, nth=nth, begin=begin) -> Mutant | None:
-                code = mutate_code(source, operator, nth)
+                try:
+                    code = mutate_code(source, operator, nth)
+                except AttributeError:  # ExceptionReplacer knows no dotted names
+                    return None
                 if code is None or not _compiles(code):
                     return None
                 row, column = begin

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 # Loaded once, before the first fork. Nothing of rsa_data is.
 LIBRARIES = ("numpy", "pandas", "pyarrow.parquet", "pyarrow.compute", "pyarrow.dataset", "cv2",
              "PIL.Image", "torch", "onnxruntime", "safetensors.torch", "msgspec", "click", "tqdm",
-             "tokenizers", "hypothesis", "scipy.optimize", "pytest_timeout")  # fmt: skip
+             "tokenizers", "hypothesis", "scipy.optimize")  # fmt: skip
 # No plugin but the one that pyproject.toml sets: loading all of them takes longer than most tests.
 PYTEST = ["-p", "pytest_timeout", "-p", "no:cacheprovider"]
 MEMORY = 8 << 30  # bytes of data a trial may take: a changed loop can allocate without end
@@ -64,6 +65,9 @@ def forked(tree: Path, log: Path, limit: float, work: Callable[[], int]) -> int 
             os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
             sys.path[:] = [str(tree), *(p for p in sys.path if "benchmarks" not in p)]
             status = int(work())
+        except BaseException:
+            traceback.print_exc()
+            sys.stderr.flush()
         finally:
             os._exit(status)
     end = time.monotonic() + limit
