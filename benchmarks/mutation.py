@@ -7,9 +7,9 @@ cosmic-ray makes the mutants: a comparison, an operator, a constant, a condition
 depth, evaluation, heads, store, the decoders of segments, and two modules that they stand on. Of
 all places where the code can be changed so, 520 are drawn with a seed, and one mutant at each.
 The tests of these rooms run once with coverage; then each mutant is written into a copy of the
-tree, and the tests that run its lines are run on it, fastest first, until one fails. A time limit
-of a few times the normal time counts as caught. Unchanged files are tried too, as controls: their
-tests must pass.
+tree, and the tests that run its lines are run on it, fastest first, until one fails or 25 s of
+tests have passed. A time limit of a few times the normal time counts as caught. The code as it is
+is tried too, as a control: its tests must pass.
 
 Call it until it says that nothing is left: each call goes on where the last one stopped, after so
 many minutes at most. Then it writes benchmarks/results/mutation.json and mutation.md: what was
@@ -36,8 +36,7 @@ TESTS = ("tests/captions", "tests/depth", "tests/evaluation", "tests/heads", "te
          "tests/store", "tests/datasets/test_datasets.py", "tests/datasets/test_nyuv2_labeled.py",
          "tests/datasets/test_roots.py", "tests/datasets/test_far_shards.py",
          "tests/runner/test_runs.py")  # fmt: skip
-CONTROLS = 12
-BUDGET = 40.0  # seconds of normal time that the tests of one mutant may take
+BUDGET = 25.0  # seconds of normal time that the tests of one mutant may take
 RESULTS = ROOT / "benchmarks" / "results"
 
 
@@ -116,32 +115,61 @@ def draw(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
 
 def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float) -> int:
     """Try what has no result yet; returns how many are left when the time is over."""
-    from mutating import covering, places, trial
+    from mutating import covering, places, session, trial
 
     maps = [pickle.loads((state / "cover" / f"{t.replace('/', '+')}.pickle").read_bytes())
             for t in test_files(tree)]  # fmt: skip
     about = json.loads(drawn.read_text())
     mutants = about["mutants"]
-    todo = [m for m in mutants if "outcome" not in m or (again and m["outcome"] == "survived")]
-    for done, entry in enumerate(todo):
+
+    def left() -> list[int]:
+        wanted = ("survived",) if again else ()
+        return [n for n, m in enumerate(mutants) if m.get("outcome", "slow") in ("slow", *wanted)
+                and not (again and m.get("again"))]  # fmt: skip
+
+    def todo():
+        for done, number in enumerate(left()):
+            if time.monotonic() > deadline:
+                return
+            mutant = places.find(tree, tuple(mutants[number]["key"]))
+            if mutant is None or not mutant.outer or mutants[number].get("outcome") == "slow":
+                continue
+            tests = covering.choose(maps, tree, mutant, BUDGET)
+            if done % 40 == 0:
+                yield -1, None, tests
+            yield number, mutant, tests
+
+    def take(number: int, result: dict) -> None:
+        if number < 0:
+            about["controls"].append(result)
+            return
+        if again:
+            result["again"] = True
+            if result["outcome"] == "caught":
+                result["added"] = True
+        mutants[number].update(result)
+
+    out = state / "trials.jsonl"
+    out.unlink(missing_ok=True)
+    log, limit = state / "session.log", deadline - time.monotonic() + 300
+    trial.forked(tree, log, limit, lambda: session.run(tree, state, test_files(tree), todo, out))
+    for line in out.read_text().splitlines() if out.exists() else []:
+        take(*json.loads(line))
+    drawn.write_text(json.dumps(about, indent=1))
+    for number in left():
         if time.monotonic() > deadline:
-            return len(todo) - done
-        found = places.find(tree, tuple(entry["key"]))
-        if found is None:
-            entry.update(outcome="gone", by="the code has changed since")
+            break
+        mutant = places.find(tree, tuple(mutants[number]["key"]))
+        if mutant is None:
+            mutants[number].update(outcome="gone", by="the code has changed since")
             continue
-        tests = covering.choose(maps, tree, found, BUDGET)
-        if len(about["controls"]) < CONTROLS and done % 40 == 0:
-            about["controls"].append({"file": found.file, **trial.tried(tree, tests, state)})
-        with trial.changed(tree / found.file, found.code):
-            result = trial.tried(tree, tests, state)
-        entry["line"] = found.line
-        if again and result["outcome"] == "caught":
-            result["added"] = True
-        entry.update(result, tests=len(tests))
-        print(f"{result['outcome']} {found.file}:{found.line} {result['seconds']} s", flush=True)
+        if mutant.outer and mutants[number].get("outcome") != "slow":
+            continue  # the next call's session has it
+        tests = covering.choose(maps, tree, mutant, BUDGET)
+        with trial.changed(tree / mutant.file, mutant.code):
+            take(number, trial.tried(tree, tests, state) | {"tests": len(tests)})
         drawn.write_text(json.dumps(about, indent=1))
-    return 0
+    return len(left())
 
 
 def report(drawn: Path) -> None:

@@ -8,6 +8,7 @@ import ast
 import random
 import re
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 # Rooms whose numbers are under test, and two modules that they stand on.
@@ -22,7 +23,10 @@ _ARITHMETIC, _BITS = {"Add", "Sub", "Mul", "Div", "FloorDiv", "Mod", "Pow"}, {
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change. `start` and `end` are lines of the statement, counted from 1."""
+    """One change. `start` and `end` are lines of the statement, counted from 1.
+
+    outer : the outermost function whose body it is in, "" where the line runs on import.
+    """
 
     file: str
     function: str
@@ -33,6 +37,7 @@ class Mutant:
     column: int
     start: int
     end: int
+    outer: str
     code: str
 
     @property
@@ -72,20 +77,26 @@ def sample(tree: Path, count: int, seed: int) -> list[Mutant]:
 
 def find(tree: Path, key: tuple[str, str, str, str]) -> Mutant | None:
     """The mutant again, in a tree that has moved since it was drawn."""
-    for place in of_file(tree, key[0]) if (tree / key[0]).is_file() else []:
+    if not (tree / key[0]).is_file():
+        return None
+    for place in of_file(tree, key[0]):
         for way in place:
-            if (mutant := way()) is not None and mutant.key == key:
+            mutant = way() if way.keywords["before"] == key[2] else None
+            if mutant is not None and mutant.key == key:
                 return mutant
     return None
 
 
-def of_file(tree: Path, file: str):
+def of_file(tree: Path, file: str) -> list[list[partial]]:
     """For each place of the file, in order: functions that make its mutants (None: not valid)."""
+    return _of_source((tree / file).read_text("utf-8"), file)
+
+
+@cache
+def _of_source(source: str, file: str) -> list[list[partial]]:
     from cosmic_ray.ast import ast_nodes, get_ast
-    from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator, operator_names
 
-    source = (tree / file).read_text("utf-8")
     lines, statements = source.splitlines(), Statements(source)
     nodes = list(ast_nodes(get_ast(source)))
     places: dict[tuple, list] = {}
@@ -96,26 +107,30 @@ def of_file(tree: Path, file: str):
         operator = kind()
         spots = [spot for node in nodes for spot in operator.mutation_positions(node)]
         for nth, (begin, end) in enumerate(spots):
-            if statements.annotation(begin):
-                continue
-
-            def way(name=name, operator=operator, nth=nth, begin=begin) -> Mutant | None:
-                try:
-                    code = mutate_code(source, operator, nth)
-                except AttributeError:  # ExceptionReplacer knows no dotted names
-                    return None
-                if code is None or not _compiles(code):
-                    return None
-                row, column = begin
-                first, last, function = statements.around(row)
-                changed = code.splitlines()
-                same = len(changed) == len(lines)
-                after = changed[row - 1].strip() if same else f"(gone) {lines[row].strip()}"
-                return Mutant(file, function, name.removeprefix("core/"), lines[row - 1].strip(),
-                              after, row, column, first, last, code)  # fmt: skip
-
-            places.setdefault((begin, end), []).append(way)
+            if not statements.annotation(begin):
+                before = lines[begin[0] - 1].strip()
+                way = partial(_made, source, file, statements, name, nth, begin, before=before)
+                places.setdefault((begin, end), []).append(way)
     return [places[key] for key in sorted(places)]
+
+
+def _made(source, file, statements, name, nth, begin, before) -> Mutant | None:
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    try:
+        code = mutate_code(source, get_operator(name)(), nth)
+    except AttributeError:  # ExceptionReplacer knows no dotted names
+        return None
+    if code is None or not _compiles(code):
+        return None
+    row, column = begin
+    first, last, function = statements.around(row)
+    lines, changed = source.splitlines(), code.splitlines()
+    same = len(changed) == len(lines)
+    after = changed[row - 1].strip() if same else f"(gone) {lines[row].strip()}"
+    return Mutant(file, function, name.removeprefix("core/"), before, after, row, column, first,
+                  last, statements.outer(row), code)  # fmt: skip
 
 
 def _kept(name: str) -> bool:
@@ -170,10 +185,17 @@ class Statements:
         A default in a signature runs on import: there the whole body is looked at.
         """
         first, last = max((s for s in self.spans if s[0] <= row <= s[1]), default=(row, row))
-        around = [f for f in self.functions if f[0] <= row <= f[1]]
+        around = self._functions(row)
         if not around:
             return first, last, ""
         begin, end, body, name = max(around)
         if row < body and begin <= row:
             return (min(row, body), end, name)
         return first, last, name
+
+    def outer(self, row: int) -> str:
+        inside = [f for f in self._functions(row) if row >= f[2]]
+        return min(inside)[3] if inside else ""
+
+    def _functions(self, row: int) -> list[tuple[int, int, int, str]]:
+        return [f for f in self.functions if f[0] <= row <= f[1]]
