@@ -48,7 +48,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=16)
     parser.add_argument("--again", action="store_true", help="try the survivors again")
     options = parser.parse_args()
-    deadline = time.monotonic() + 60 * options.minutes
+    begun = time.monotonic()
+    half, deadline = begun + 30 * options.minutes, begun + 60 * options.minutes
 
     from mutating import trial
 
@@ -57,9 +58,7 @@ def main() -> None:
     (state / "cover").mkdir(parents=True, exist_ok=True)
     trial.copied(ROOT, tree)
     trial.load_libraries()
-    if not covered(state, tree, deadline):
-        print("more tests to measure: call again")
-        return
+    cover(state, tree, half)
     drawn = state / f"sample-{options.seed}.json"
     if not drawn.exists():
         draw(tree, options, drawn)
@@ -68,19 +67,19 @@ def main() -> None:
     print(f"{left} left: call again" if left else "nothing is left")
 
 
-def covered(state: Path, tree: Path, deadline: float) -> bool:
-    """Measure the test files that are new or changed; False when the time ran out."""
+def cover(state: Path, tree: Path, deadline: float) -> None:
+    """Measure the test files that are new or changed, until the deadline."""
     from mutating import covering, trial
 
     for tests in test_files(tree):
-        out = state / "cover" / f"{tests.replace('/', '+')}.pickle"
+        out = map_of(state, tests)
         if out.exists():
             known = pickle.loads(out.read_bytes())
             if known["digest"] == covering.digest(tree / tests):
                 continue
         if time.monotonic() > deadline:
-            return False
-        log = state / "cover" / f"{tests.replace('/', '+')}.log"
+            return
+        log = out.with_suffix(".log")
         begun = time.monotonic()
 
         def work(tests=tests, out=out) -> int:
@@ -91,7 +90,10 @@ def covered(state: Path, tree: Path, deadline: float) -> bool:
         print(f"covered {tests}: {time.monotonic() - begun:.0f} s, status {status}", flush=True)
         if status != 0:
             sys.exit(f"{tests} could not be measured, see {log}")
-    return True
+
+
+def map_of(state: Path, tests: str) -> Path:
+    return state / "cover" / f"{tests.replace('/', '+')}.pickle"
 
 
 def test_files(tree: Path) -> list[str]:
@@ -117,8 +119,10 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     """Try what has no result yet; returns how many are left when the time is over."""
     from mutating import covering, places, session, trial
 
-    maps = [pickle.loads((state / "cover" / f"{t.replace('/', '+')}.pickle").read_bytes())
-            for t in test_files(tree)]  # fmt: skip
+    measured = [t for t in test_files(tree) if map_of(state, t).exists()]
+    maps = [pickle.loads(map_of(state, t).read_bytes()) for t in measured]
+    # Rooms whose tests are not all measured have to wait.
+    later = {t.split("/")[1] for t in test_files(tree) if t not in measured}
     about = json.loads(drawn.read_text())
     mutants = about["mutants"]
 
@@ -127,15 +131,20 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
         return [n for n, m in enumerate(mutants) if m.get("outcome", "slow") in ("slow", *wanted)
                 and not (again and m.get("again"))]  # fmt: skip
 
+    def room(number: int) -> str:
+        return str(mutants[number]["key"][0].split("/")[1])
+
     def todo():
-        for done, number in enumerate(left()):
+        for number in left():
             if time.monotonic() > deadline:
                 return
+            if room(number) in later:
+                continue
             mutant = places.find(tree, tuple(mutants[number]["key"]))
             if mutant is None or not mutant.outer or mutants[number].get("outcome") == "slow":
                 continue
             tests = covering.choose(maps, tree, mutant, BUDGET)
-            if done % 40 == 0:
+            if number % 40 == 0:
                 yield -1, None, tests
             yield number, mutant, tests
 
@@ -143,7 +152,7 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
         if number < 0:
             about["controls"].append(result)
             return
-        if again:
+        if again and result["outcome"] != "slow":
             result["again"] = True
             if result["outcome"] == "caught":
                 result["added"] = True
@@ -152,13 +161,15 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     out = state / "trials.jsonl"
     out.unlink(missing_ok=True)
     log, limit = state / "session.log", deadline - time.monotonic() + 300
-    trial.forked(tree, log, limit, lambda: session.run(tree, state, test_files(tree), todo, out))
+    trial.forked(tree, log, limit, lambda: session.run(tree, state, measured, todo, out))
     for line in out.read_text().splitlines() if out.exists() else []:
         take(*json.loads(line))
     drawn.write_text(json.dumps(about, indent=1))
     for number in left():
         if time.monotonic() > deadline:
             break
+        if room(number) in later:
+            continue
         mutant = places.find(tree, tuple(mutants[number]["key"]))
         if mutant is None:
             mutants[number].update(outcome="gone", by="the code has changed since")
