@@ -107,7 +107,8 @@ def test_files(tree: Path) -> list[str]:
 def draw(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
     from mutating import places
 
-    found = [{"key": m.key, "operator": m.operator, "line": m.line}
+    kept = ("key", "operator", "nth", "line", "column", "start", "end", "outer")
+    found = [{name: getattr(m, name) for name in kept}
              for m in places.sample(tree, options.mutants, options.seed)]  # fmt: skip
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True,
                             capture_output=True, text=True).stdout.strip()  # fmt: skip
@@ -126,25 +127,25 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     about = json.loads(drawn.read_text())
     mutants = about["mutants"]
 
-    def left() -> list[int]:
-        wanted = ("survived",) if again else ()
-        return [n for n, m in enumerate(mutants) if m.get("outcome", "slow") in ("slow", *wanted)
-                and not (again and m.get("again"))]  # fmt: skip
-
-    def room(number: int) -> str:
-        return str(mutants[number]["key"][0].split("/")[1])
+    def left(slow: bool = False) -> list[tuple[int, list[tuple[str, float]]]]:
+        """What can be tried now, cheapest first: place in the list of mutants, its tests."""
+        wanted = {None, "slow"} | ({"survived"} if again else set())
+        found = []
+        for number, m in enumerate(mutants):
+            if m.get("outcome") in wanted and m["key"][0].split("/")[1] not in later:
+                alone = not m["outer"] or m.get("outcome") == "slow"
+                if alone == slow and not (again and m.get("again")):
+                    found.append((number, covering.choose(maps, tree, m, BUDGET)))
+        return sorted(found, key=lambda f: sum(seconds for _, seconds in f[1][:3]))
 
     def todo():
-        for number in left():
-            if time.monotonic() > deadline:
+        for done, (number, tests) in enumerate(left()):
+            if time.monotonic() > deadline - 60:
                 return
-            if room(number) in later:
+            mutant = places.find(tree, mutants[number])
+            if mutant is None:
                 continue
-            mutant = places.find(tree, tuple(mutants[number]["key"]))
-            if mutant is None or not mutant.outer or mutants[number].get("outcome") == "slow":
-                continue
-            tests = covering.choose(maps, tree, mutant, BUDGET)
-            if number % 40 == 0:
+            if done % 40 == 0:
                 yield -1, None, tests
             yield number, mutant, tests
 
@@ -165,22 +166,17 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     for line in out.read_text().splitlines() if out.exists() else []:
         take(*json.loads(line))
     drawn.write_text(json.dumps(about, indent=1))
-    for number in left():
+    for number, tests in left(slow=True):
         if time.monotonic() > deadline:
             break
-        if room(number) in later:
-            continue
-        mutant = places.find(tree, tuple(mutants[number]["key"]))
+        mutant = places.find(tree, mutants[number])
         if mutant is None:
             mutants[number].update(outcome="gone", by="the code has changed since")
             continue
-        if mutant.outer and mutants[number].get("outcome") != "slow":
-            continue  # the next call's session has it
-        tests = covering.choose(maps, tree, mutant, BUDGET)
         with trial.changed(tree / mutant.file, mutant.code):
             take(number, trial.tried(tree, tests, state) | {"tests": len(tests)})
         drawn.write_text(json.dumps(about, indent=1))
-    return len(left())
+    return sum(m.get("outcome") in (None, "slow") for m in mutants)
 
 
 def report(drawn: Path) -> None:

@@ -95,16 +95,17 @@ def measure(tree: Path, tests: str, out: Path) -> None:
                                   "tests": found}))  # fmt: skip
 
 
-def choose(maps: list[dict], tree: Path, mutant, budget: float) -> list[tuple[str, float]]:
+def choose(maps: list[dict], tree: Path, entry: dict, budget: float) -> list[tuple[str, float]]:
     """Tests that run the mutant's lines, the room's own first, fastest first, within `budget` s."""
-    room = mutant.file.split("/")[1]
-    covering, now = {}, digest(tree / mutant.file)
-    wanted = set(range(mutant.start, mutant.end + 1))
+    file = entry["key"][0]
+    room = file.split("/")[1]
+    covering, now = {}, digest(tree / file)
+    wanted = set(range(entry["start"], entry["end"] + 1))
     for part in maps:
-        moved = part["sources"].get(mutant.file) != now
+        moved = part["sources"].get(file) != now
         for test, (seconds, ran) in part["tests"].items():
-            lines = ran.get(mutant.file)
-            if lines and (moved or not mutant.function or lines & wanted):
+            lines = ran.get(file)
+            if lines and (moved or not entry["key"][1] or lines & wanted):
                 covering[test] = seconds
     if not covering:  # constants of a module, or lines that only a worker process runs
         covering = {

@@ -38,6 +38,7 @@ class Mutant:
     start: int
     end: int
     outer: str
+    nth: int
     code: str
 
     @property
@@ -75,11 +76,18 @@ def sample(tree: Path, count: int, seed: int) -> list[Mutant]:
     return chosen
 
 
-def find(tree: Path, key: tuple[str, str, str, str]) -> Mutant | None:
-    """The mutant again, in a tree that has moved since it was drawn."""
-    if not (tree / key[0]).is_file():
+def find(tree: Path, entry: dict) -> Mutant | None:
+    """The mutant of an entry again, also in a file that has moved since it was drawn."""
+    file, key = entry["key"][0], tuple(entry["key"])
+    if not (tree / file).is_file():
         return None
-    for place in of_file(tree, key[0]):
+    source = (tree / file).read_text("utf-8")
+    begin, name = (entry["line"], entry["column"]), f"core/{entry['operator']}"
+    if begin[0] <= len(source.splitlines()):
+        where = source, file, Statements(source), name, entry["nth"], begin, key[2]
+        if (mutant := _made(*where)) is not None and mutant.key == key:
+            return mutant
+    for place in of_file(tree, file):
         for way in place:
             mutant = way() if way.keywords["before"] == key[2] else None
             if mutant is not None and mutant.key == key:
@@ -130,7 +138,7 @@ def _made(source, file, statements, name, nth, begin, before) -> Mutant | None:
     same = len(changed) == len(lines)
     after = changed[row - 1].strip() if same else f"(gone) {lines[row].strip()}"
     return Mutant(file, function, name.removeprefix("core/"), before, after, row, column, first,
-                  last, statements.outer(row), code)  # fmt: skip
+                  last, statements.outer(row), nth, code)  # fmt: skip
 
 
 def _kept(name: str) -> bool:
