@@ -107,7 +107,7 @@ def choose(maps: list[dict], tree: Path, entry: dict, budget: float) -> list[tup
             lines = ran.get(file)
             if lines and (moved or not entry["key"][1] or lines & wanted):
                 covering[test] = seconds
-    if not covering:  # constants of a module, or lines that only a worker process runs
+    if not covering and not entry["outer"]:  # constants of a module without functions
         covering = {
             test: seconds
             for part in maps
