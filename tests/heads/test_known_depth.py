@@ -139,3 +139,30 @@ def test_points_that_contradict_each_other_are_doubted():
     assert not known_depth.doubts(known_depth.fit(y, 1 / (0.4 * y + 0.1)))
     (said,) = known_depth.doubts(known_depth.fit(y[:], np.array([1.0, 4.0, 4.1])))
     assert "do not agree with the relative depth" in said
+
+
+@pytest.mark.parametrize("zero", ["scale", "shift"])
+def test_neither_scale_nor_shift_becomes_negative(zero):
+    y = np.array([1.0, 2.0, 4.0, 8.0])
+    # Inverse depth that falls with y, and one that rises from below 0.
+    inverse = 0.9 - 0.1 * y if zero == "scale" else 0.2 * y - 0.15
+    prior = {"scale": 5.0, "shift": 5.0, "correlation": 0.0}
+    arguments = 0.03, 0.2, y, 1 / inverse, prior, 0.1
+    found = known_depth.refine(*arguments)
+    assert found[0 if zero == "scale" else 1] == 0
+    best = scipy.optimize.minimize(
+        cost, (0.03, 0.2), arguments, bounds=[(0, None)] * 2, method="L-BFGS-B",
+        options={"ftol": 1e-15, "gtol": 1e-10},
+    )  # fmt: skip
+    assert cost(found, *arguments) <= best.fun * (1 + 1e-6)
+
+
+def test_a_fit_whose_shift_is_held_at_0():
+    y, metres = np.array([1.0, 2.0, 4.0]), np.array([4.2, 1.9, 7.0])
+    found = known_depth.Fit(9.0, 9.0, np.zeros(3), np.array([True, True, False]))
+    found = known_depth.without_shift(found, y, metres, "why")
+    # Least squares of scale y z = 1 over the two points that are used.
+    product = (y * metres)[:2]
+    assert found.scale == pytest.approx(float(np.linalg.lstsq(product[:, None], np.ones(2))[0][0]))
+    assert (found.shift, found.assumption, found.used.tolist()) == (0, "why", [True, True, False])
+    np.testing.assert_allclose(found.residuals, 1 / (found.scale * y) / metres - 1)
