@@ -35,6 +35,7 @@ sys.path.insert(0, str(ROOT / "benchmarks"))
 TESTS = ("tests/captions", "tests/depth", "tests/evaluation", "tests/heads", "tests/segments",
          "tests/store", "tests/datasets/test_datasets.py", "tests/datasets/test_nyuv2_labeled.py",
          "tests/datasets/test_roots.py", "tests/datasets/test_far_shards.py",
+         "tests/datasets/test_shards.py",
          "tests/runner/test_runs.py")  # fmt: skip
 BUDGET = 25.0  # seconds of normal time that the tests of one mutant may take
 RESULTS = ROOT / "benchmarks" / "results"

@@ -47,6 +47,8 @@ from rsa_data.common.class_names import clean
         ("chest of drawers", "a chest of drawers", "chests of drawers"),
         ("drawer", "a drawer", "drawers"),
         ("bell_pepper", "a bell pepper", "bell peppers"),
+        ("small yellow bell pepper", "a small yellow bell pepper", "small yellow bell peppers"),
+        ("vanilla ice cream", "vanilla ice cream", "portions of vanilla ice cream"),
         ("brussels_sprouts", "brussels sprouts", "brussels sprouts"),
         ("grass-merged", "grass", "areas of grass"),
         ("water-other", "water", "areas of water"),
