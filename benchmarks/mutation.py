@@ -50,7 +50,7 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="try the survivors again")
     options = parser.parse_args()
     begun = time.monotonic()
-    half, deadline = begun + 30 * options.minutes, begun + 60 * options.minutes
+    early, deadline = begun + 6 * options.minutes, begun + 60 * options.minutes
 
     from mutating import trial
 
@@ -59,7 +59,7 @@ def main() -> None:
     (state / "cover").mkdir(parents=True, exist_ok=True)
     trial.copied(ROOT, tree)
     trial.load_libraries()
-    cover(state, tree, half)
+    cover(state, tree, early)
     drawn = state / f"sample-{options.seed}.json"
     if not drawn.exists():
         draw(tree, options, drawn)
