@@ -203,3 +203,9 @@ def test_any_label_has_words(label):
     assert clean(found.name) == found.name
     assert found.name.isprintable()
     assert word(found.name) == found
+
+
+def test_portions_are_singular_but_for_grits():
+    assert [word(name).is_plural for name in ("butter", "grass", "cheese", "grits")] == [
+        False, False, False, True,
+    ]  # fmt: skip

@@ -1,5 +1,6 @@
 """What a depth model is shown: numbers as torchvision's ToTensor and Normalize make them."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -35,3 +36,16 @@ def test_an_image_as_large_as_the_model_sees_it_is_left_as_it_is():
     assert box == (0, 0, 1, 1)
     larger, _ = onnx.fixed("56x14")(image)
     assert larger.shape == (14, 56, 3)
+
+
+@pytest.mark.parametrize(("side", "how"), [(80, cv2.INTER_AREA), (20, cv2.INTER_CUBIC)])
+def test_a_centre_crop_averages_what_it_shrinks(side, how):
+    image = np.random.default_rng(2).integers(0, 256, (side, side, 3), np.uint8)
+    found, _ = onnx.RESIZES["centre-crop"]({"short": 40, "size": 40})(image)
+    np.testing.assert_array_equal(found, cv2.resize(image, (40, 40), interpolation=how))
+
+
+def test_a_part_of_a_part():
+    assert onnx.inside((0.5, 0.25, 1, 0.75), (0.5, 0.1, 1, 0.5)) == pytest.approx(
+        (0.75, 0.3, 1, 0.5)
+    )

@@ -123,3 +123,13 @@ def test_strides_of_nanodet():
     outputs["boxes_32"][0, 0, [1, 8 + 1]] = 50 + np.log(3)  # 1 with 3/4: left and top
     found = decode("nanodet", {"overlap_threshold": 0.6}, outputs, Geometry(*[32] * 6))
     np.testing.assert_allclose(found.box, [[15.5 - 24, 15.5 - 24, 15.5, 15.5]], atol=1e-3)
+
+
+@pytest.mark.parametrize(("moved", "kept"), [(6, 1), (9, 2)])
+def test_yolo_suppresses_above_045_where_its_card_says_nothing(moved, kept):
+    # Two boxes of 20 x 8 px, so many px apart: they share (20 - m) of 20 + m columns.
+    row = [20.0, 10, 20, 8, 0.1, 0.9, 0.1]
+    rows = np.array([row, [row[0] + moved, *row[1:5], 0.8, 0.1]], np.float32)
+    found = decode("yolo", {}, {"predictions": rows[None]}, Geometry(80, 40, 80, 40, 80, 40))
+    assert ((20 - moved) / (20 + moved) < 0.45) == (kept == 2)
+    assert len(found.number) == kept
