@@ -1,7 +1,5 @@
 """Use of a head: captions, known points, ranges, frames, and the files that come out."""
 
-import dataclasses
-import itertools
 import json
 import re
 import shutil
@@ -14,14 +12,11 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from rsa_data.captions.wordings.intrinsics import intrinsics
-from rsa_data.captions.wordings.occupancy import occupancy
 from rsa_data.cli.main import cli
 from rsa_data.common import cards
 from rsa_data.common import options as binding
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.checkpoint import ScaleHead, build_network
-from rsa_data.heads.predict.paraphrases import paraphrases
 from rsa_data.heads.predict.predict import predict as predict_function
 from rsa_data.store.tables import WorkDir
 
@@ -246,27 +241,6 @@ def test_maps_that_cannot_be_read_say_which(work, tmp_path):
     (tmp_path / "bad.npy").write_bytes(b"no")
     with pytest.raises(RsaDataError, match=r"bad.npy: unreadable"):
         predict(work, caption=("a",), relative=tmp_path / "bad.npy")
-
-
-def test_paraphrases_hold_the_same_objects():
-    texts = paraphrases(CAPTION)
-    assert 1 < len(texts) <= 8 and CAPTION not in texts and len(set(texts)) == len(texts)
-    for text in texts:
-        start, objects = text.split(" with ")
-        assert start == "a small bathroom"
-        assert sorted(objects.split(", ")) == ["a mirror", "a sink", "a towel"]
-    assert paraphrases("a room with a bed") == [] and paraphrases("An image.") == []
-
-
-def test_paraphrases_follow_the_signs_of_the_wording():
-    photo = dataclasses.replace(occupancy, opening="A photo of ", last=" and ", closing="!")
-    plain = "A photo of a sink, a tub and a bed!"
-    orders = {tuple(o) for o in itertools.permutations(("a sink", "a tub", "a bed"))}
-    wanted = {f"A photo of {a}, {b} and {c}!" for a, b, c in orders} - {plain}
-    assert paraphrases(plain) is None
-    assert set(paraphrases(plain, photo)) <= wanted and len(paraphrases(plain, photo)) > 1
-    camera = "An image taken with focal lengths 5 and 5 pixels, with bed occupies 1% of the image"
-    assert paraphrases(camera, intrinsics) is None
 
 
 def test_a_caption_without_a_known_opening_says_that_it_has_no_spread(work):
