@@ -65,22 +65,21 @@ def maps(given: Given, count: int, size: tuple[int, int]) -> WorkDir:
     pixels, a_part = size[0] * size[1], 100
     features = {str(k): rng.normal(size=384).astype(np.float16) for k in range(40)}
 
-    def some(n: int, first: int, per_image: int, split: str, **more: Any) -> None:
-        kind = np.arange(first, first + n) % 40
+    def some(n: int, per_image: int, split: str, **more: Any) -> None:
+        kind = np.arange(n) % 40
         y = rng.uniform(0, 10, (n, per_image)).astype(np.float32)
         inverse = 0.02 * (1 + kind[:, None] % 5) * y + 0.1 + 0.01 * (kind[:, None] % 7)
         depth = np.exp(0.05 * rng.standard_normal(y.shape, np.float32)) / inverse
         if split == "test":
             depth[:, ::50] = 0  # no ground truth there
-        scenes = [f"scene {split} {i // 4}" for i in range(first, first + n)]
+        scenes = [f"scene {split} {i // 4}" for i in range(n)]
         texts = [[str(k)] for k in kind]
         arrays = {"relative": y, "metric": depth, "features": features}
         write(work, "nyuv2", scenes=scenes, texts=texts, split=split, **arrays, **more)
 
-    some(400, 0, 256, "train", part=400)
-    for number, start in enumerate(range(0, count, a_part), 1):
-        n = min(a_part, count - start)
-        some(n, start, pixels, "test", part=a_part, first_part=number, size=size)
+    some(400, 256, "train", part=400)
+    # In one call, since it is what numbers the samples.
+    some(count, pixels, "test", part=a_part, first_part=1, size=size)
     return work
 
 
