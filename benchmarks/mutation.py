@@ -201,7 +201,8 @@ def report(drawn: Path) -> None:
         "share_caught_before_the_tests_that_it_led_to": round(1 - at_first / len(tried), 4),
         "controls": len(controls),
         "controls_that_passed": controls.count("survived"),
-        "other": len(about["mutants"]) - len(tried),
+        "drawn_but_not_tried_yet": sum("outcome" not in m for m in about["mutants"]),
+        "gone_or_broken": sum(m.get("outcome") in ("gone", "error") for m in about["mutants"]),
         "seconds": round(sum(m["seconds"] for m in tried)),
     }
     rooms: dict[str, list[int]] = {}
@@ -223,7 +224,7 @@ def report(drawn: Path) -> None:
         file, function, before, after = m["key"]
         text += ["", f"## {file}{':' + function if function else ''}", "", "```diff",
                  f"- {before}", f"+ {after}", "```", "",
-                 reasons.get((file, function, before, after), "OPEN: no reason yet.")]  # fmt: skip
+                 reasons.get((file, function, before, after)) or f"OPEN: {m['by'] or 'no reason yet'}."]  # fmt: skip
     (RESULTS / f"mutation{suffix}.md").write_text("\n".join(text) + "\n", "utf-8")
     print(json.dumps(figures, indent=1))
 
