@@ -224,7 +224,8 @@ def report(drawn: Path) -> None:
         file, function, before, after = m["key"]
         text += ["", f"## {file}{':' + function if function else ''}", "", "```diff",
                  f"- {before}", f"+ {after}", "```", "",
-                 reasons.get((file, function, before, after)) or f"OPEN: {m['by'] or 'no reason yet'}."]  # fmt: skip
+                 reasons.get((file, function, before, after))
+                 or f"OPEN: {m['by'] or 'no reason yet'}."]  # fmt: skip
     (RESULTS / f"mutation{suffix}.md").write_text("\n".join(text) + "\n", "utf-8")
     print(json.dumps(figures, indent=1))
 
