@@ -218,6 +218,11 @@ def report(drawn: Path) -> None:
     (RESULTS / f"mutation{suffix}.json").write_text(f"{written}\n", "utf-8")
     text = ["# Mutants that the tests let pass\n", "Written by benchmarks/mutation.py.\n"]
     text += [f"- {name.replace('_', ' ')}: {value}" for name, value in figures.items()]
+    if figures["drawn_but_not_tried_yet"]:
+        text.append(
+            "\nThe run is not finished. Those whose tests take least time were tried first, those "
+            "that no test runs among them, so the share is not yet that of the sample."
+        )
     text += ["", "| room | mutants | caught |", "|---|---|---|"]
     text += [f"| {room} | {n} | {caught} |" for room, (n, caught) in sorted(rooms.items())]
     for m in sorted(survivors, key=lambda m: m["key"]):
