@@ -32,7 +32,9 @@ while True:
 
 def command(body: str) -> list[str]:
     """A process that runs `body` as commands are run, after it has said so."""
-    code = "from rsa_data.cli import process\ndef command():\n    print('begun', flush=True)\n"
+    # A test run in the background of a shell ignores SIGINT, and its children would too.
+    code = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code += "from rsa_data.cli import process\ndef command():\n    print('begun', flush=True)\n"
     code += "".join(f"    {line}\n" for line in body.strip().split("\n"))
     return [sys.executable, "-c", code + "process.run(command)\n"]
 
@@ -45,7 +47,10 @@ def test_a_signal_ends_any_command_in_seconds(body, number):
     time.sleep(0.2)
     begun = time.monotonic()
     process.send_signal(number)
-    _, err = process.communicate(timeout=30)
+    try:
+        _, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert time.monotonic() - begun < 5.5
     assert process.returncode == 130, err
     assert err.decode().strip() == (
