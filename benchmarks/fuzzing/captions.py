@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 from PIL import Image
 
-from rsa_data.captions import natural, served
+from rsa_data.captions import imports, natural, served
 from rsa_data.common import tokenizers
 from rsa_data.common.errors import RsaDataError
 from rsa_data.heads import checkpoint
@@ -46,8 +46,8 @@ def texts(here: Path) -> One:
         put(here, data, ("a.json", "a.csv", "texts/a.txt"))
         for name in ("a.json", "a.csv", "texts"):
             try:
-                read = natural.import_texts(str(here / name))
-                made = natural.step(f"import:{name}", read, tokenizers.clip())(samples())
+                read = imports.import_texts(str(here / name))
+                made = natural.step(f"import:{name}", read, tokenizers.clip(), None)(samples())
             except RsaDataError:
                 continue
             assert made["sample_id"].unique().to_pylist() == ["folder/train/a"]

@@ -77,8 +77,8 @@ def head(here: Path) -> One:
 
 def checkpoint_seeds() -> list[bytes]:
     """Shapes of a released checkpoint's tensors, as JSON: [name, shape, dtype, value]."""
-    nets = {"scene_feat_net": (1024, 32, 16, 16), "shift_net": (16, 8, 8, 1),
-            "scale_net": (16, 8, 8, 1)}  # fmt: skip
+    nets = {"scene_feat_net": (1024, 512, 256, 256), "shift_net": (256, 128, 64, 1),
+            "scale_net": (256, 128, 64, 1)}  # fmt: skip
     shared: list[list[Any]] = []
     for net, sizes in nets.items():
         for n, (before, after) in enumerate(pairwise(sizes)):

@@ -53,7 +53,7 @@ def released(here: Path) -> One:
         (place / "a.txt").write_bytes(data)
         (texts / "a.txt").write_bytes(data)
         accounted(step(rows), here)
-        natural.step("release-text", read, tokenizers.clip())(rows)
+        natural.step("release-text", read, tokenizers.clip(), None)(rows)
 
     return one
 

@@ -110,7 +110,7 @@ REFUSED = {
     ),
     "keypoint names as categories": (
         instances(BED, categories=[{"id": 1, "keypoints": ["nose"]}]),
-        "name: expected text",
+        "name: expected a name",
     ),
 }
 
