@@ -172,7 +172,9 @@ def _of_columns(content: str, where: str) -> Iterator[_Row]:
         return
     between = max(",\t;|", key=lambda sign: _known(first.split(sign)))
     lines = io.StringIO(content, newline="")
-    if between == "|":  # Flickr30k, whose texts have quotation marks of their own
+    # Flickr30k, and tables between tabs whose texts have quotation marks of their own.
+    loose = between == "\t" and any(line.count('"') % 2 for line in text_files.lines(content))
+    if between == "|" or loose:
         reader = csv.reader(lines, delimiter=between, quoting=csv.QUOTE_NONE, strict=True)
     else:
         reader = csv.reader(lines, delimiter=between, strict=True)
@@ -192,7 +194,9 @@ def _of_columns(content: str, where: str) -> Iterator[_Row]:
                 f"{where} line {reader.line_num}: expected {len(header)} columns between "
                 f"{between!r}, found {len(row)}. Put texts that hold {between!r} in quotation marks"
             )
-        yield f"line {reader.line_num}", row[places[0]], row[places[1]]
+        text = row[places[1]]
+        # What pandas writes for a missing text.
+        yield f"line {reader.line_num}", row[places[0]], "" if text == "nan" else text
 
 
 def _known(fields: list[str]) -> int:

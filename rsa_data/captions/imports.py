@@ -1,5 +1,6 @@
 """Texts in files of others: each record belongs to one image of the whole dataset, or none does."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,9 @@ VERSION = 2
 
 # sample_id and image of every sample of a dataset, of all parts and splits.
 Catalogue = Sequence[tuple[str, str | None]]
+
+
+_ONLY_NUMBERS = re.compile(r"[\d\s.,eE+-]*\d[\d\s.,eE+-]*")
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,17 @@ def _folder(folder: Path) -> Records:
         for path in sorted(folder.rglob(f"*{suffix}"))
         if not path.is_dir() and not path.name.startswith(".")
     }
-    return Records(folder.name, tuple(files), lambda key: lines(files[key], f"{key}.txt") or [])
+    return Records(folder.name, tuple(files), lambda key: _texts(files[key], key))
+
+
+def _texts(path: Path, key: str) -> list[str]:
+    texts = lines(path, f"{key}.txt") or []
+    if texts and all(_ONLY_NUMBERS.fullmatch(text) for text in texts):
+        raise RsaDataError(
+            f"captions/import: {path.name}: expected texts, found only numbers, {texts[0][:60]!r}: "
+            "labels of a detector, as YOLO writes them?"
+        )
+    return texts
 
 
 def lines(path: Path, shown: str) -> list[str] | None:

@@ -56,6 +56,7 @@ KINDS: dict[str, Callable[[Any], bool]] = {
     "two sides in px": _two_sides,
     "text or two sides in px": lambda v: is_text(v) or _two_sides(v),
     "true or false": lambda v: isinstance(v, bool),
+    "0 or 1": lambda v: isinstance(v, (int, float)) and v in (0, 1),
     "text": is_text,
     "a name of at most 1,000 letters": lambda v: is_text(v) and len(v) <= 1000,
     "a path": lambda v: is_text(v) and is_path(v),

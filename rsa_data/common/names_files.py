@@ -17,6 +17,13 @@ _STUFF, _THINGS = "stuff", ("isthing", "is_thing", "thing")
 # Three numbers in a row, with or without a name: a palette (CamVid, CVAT's labelmap.txt, DIGITS).
 _COLOUR = re.compile(r"(?<![\d.])\d{1,3}([ ,\t]+)\d{1,3}[ ,\t]+\d{1,3}(?![\d.])")
 
+# What other files than lists of names hold, and what to do; a list has it in most of its lines.
+_OTHERS = (
+    (re.compile(r"\w+\s*=\s*\S.*"), "settings, as in Darknet's obj.data; give the list they name"),
+    (re.compile(r"/[mgt]/\w+\s*,.*"), "identifiers before the names; leave them out"),
+    (re.compile(r"n\d{8}\b.*"), "WordNet's identifiers; leave them and what is no name out"),
+)
+
 _NUMBERED = re.compile(r"(\d{1,6})\s*[:=\t,;]\s*(.*)|(\d{1,6}) +(.*)")
 
 
@@ -60,6 +67,7 @@ def _of_text(text: str, path: Path) -> dict[str, Any]:
             raise _refused(path, f"line {number}: {line[:60]!r}")
     if len(filled) == 1 and "," in filled[0][1]:
         raise _refused(path, "one line with commas; write one name a line")
+    _check_list([line for _, line in filled], path)
     if table := _of_table([line for _, line in filled], path):
         return table
     for number, line in filled:
@@ -75,6 +83,20 @@ def _of_text(text: str, path: Path) -> dict[str, Any]:
         number, line = next(x for x, m in zip(filled, numbered, strict=True) if not m)
         raise _refused(path, f"numbers before most names but not in line {number}: {line[:60]!r}")
     return {"names": lines}
+
+
+def _check_list(lines: list[str], path: Path) -> None:
+    """Raises RsaDataError for text that a list of names never is."""
+    for pattern, what in _OTHERS:
+        if lines and sum(bool(pattern.fullmatch(line)) for line in lines) > len(lines) / 2:
+            raise _refused(path, what)
+    if any(line.endswith("{") for line in lines):
+        raise _refused(path, "blocks in braces, as in a label map of TensorFlow")
+    if lines and lines[0] == "__ignore__":
+        raise _refused(path, "__ignore__ first, which labelme counts as -1; remove that line")
+    ends = [re.fullmatch(r"(.*[^\W\d_].*?)[ \t,;:]+(\d+)", line) for line in lines]
+    if len(lines) > 1 and len({m[1] for m in ends if m}) == len(lines):
+        raise _refused(path, f"a number behind each name: {lines[0][:60]!r}")
 
 
 def _of_table(lines: list[str], path: Path) -> dict[str, Any] | None:

@@ -44,6 +44,7 @@ def build(
     """
     results, listed, table = _read(argument, names)
     file = _file_names(argument)[0].name
+    crowds.require_some_single(results, crowd, f"{_WHERE}: {file}")
     by_image: dict[partners.Key, list[dict[str, Any]]] = {}
     for result in results:
         by_image.setdefault(partners.number_key(result["image_id"]), []).append(result)

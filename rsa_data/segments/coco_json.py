@@ -14,8 +14,9 @@ IMAGE |= {"width?": "a size in px", "height?": "a size in px"}
 CATEGORY = {"id": "a whole number", "name": "a name of at most 1,000 letters"}
 PANOPTIC = {"image_id": "a number or text", "file_name": "a path", "segments_info": "a list"}
 SEGMENT = {"id": "a whole number", "category_id": "a whole number", "area?": "a number"}
+SEGMENT |= {"iscrowd?": "0 or 1"}
 RESULT = {"image_id": "a number or text", "category_id": "a whole number", "score?": "a number"}
-RESULT |= {"bbox?": "a list of numbers"}
+RESULT |= {"bbox?": "a list of numbers", "iscrowd?": "0 or 1", "ignore?": "0 or 1"}
 
 
 def images(content: Any, where: str) -> list[dict[str, Any]]:

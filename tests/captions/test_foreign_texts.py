@@ -137,6 +137,24 @@ def test_a_caption_file_beside_each_image(tmp_path):
     assert imported(tmp_path) == BOTH
 
 
+def test_quotation_marks_that_do_not_close_between_tabs(tmp_path):
+    rows = 'image\tcaption\n1000268201_693b08cb0e.jpg\t"Stop it\n000000000042.jpg\t5" of it\n'
+    (tmp_path / "q.tsv").write_text(rows)
+    assert imported(tmp_path / "q.tsv") == [(A, '"Stop it'), (B, '5" of it')]
+
+
+def test_a_missing_text_of_pandas_is_none(tmp_path):
+    (tmp_path / "n.csv").write_text("image,caption\n000000000042.jpg,nan\n" + f"{A},A room.\n")
+    assert imported(tmp_path / "n.csv") == [(A, "A room."), (B, "An image.")]
+
+
+def test_labels_of_a_detector_are_no_texts(tmp_path):
+    (tmp_path / "rooms").mkdir()
+    (tmp_path / "rooms/000000000042.txt").write_text("0 0.5 0.5 0.2 0.3\n1 0.1 0.1 0.2 2e-1\n")
+    with pytest.raises(RsaDataError, match="found only numbers, '0 0"):
+        imported(tmp_path)
+
+
 def test_five_texts_of_an_image_are_its_variants(tmp_path):
     lines = "".join(f"000000000042.jpg#{k}\tHall {k}, and more.\n" for k in range(5))
     (tmp_path / "f.token").write_text(lines)

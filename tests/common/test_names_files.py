@@ -16,6 +16,7 @@ NAMES = {
     "N name": (b"0 wall\n1 floor lamp\n", {0: "wall", 1: "floor lamp"}),
     "a table with tabs": (b"Idx\tR\tName\n1\t.5\twall\n3\t.1\tsky, air\n", {1: "wall", 3: "sky"}),
     "a table with commas": (b"id,name\n1,wall\n2,\"a, b\"\n", {1: "wall", 2: "a"}),
+    "names that end with numbers": (b"stage 1\nstage 2\n", {0: "stage 1", 1: "stage 2"}),
     "names that begin with numbers": (b"2-wheeler\ncar\n", {0: "2-wheeler", 1: "car"}),
 }  # fmt: skip
 
@@ -41,6 +42,12 @@ BAD_NAMES = {
     "a number twice": (b"1,wall\n1,floor\n", "two names of number 1"),
     "UTF-16": ("wall\n".encode("utf-16"), "save the file as UTF-8"),
     "old line ends": (b"wall\rfloor\r", "line 1"),
+    "a label map of TensorFlow": (b"item {\n  id: 1\n  name: 'dog'\n}\n", "blocks in braces"),
+    "Darknet's obj.data": (b"classes = 2\ntrain = t.txt\nnames = obj.names\n", "obj.data"),
+    "Open Images' descriptions": (b"/m/011k07,Tortoise\n/m/0120dh,Sea turtle\n", "identifiers"),
+    "ImageNet's synset_words": (b"n01440764 tench\nn01443537 goldfish\n", "WordNet"),
+    "labelme's labels": (b"__ignore__\n_background_\ndog\n", "labelme counts as -1"),
+    "numbers behind": (b"dog 0\nball 1\n", "a number behind each name: 'dog 0'"),
 }
 
 

@@ -50,6 +50,8 @@ ANNOTATIONS = {
     "segmentation null": (instances(BED | {"segmentation": None}), ["bed"], [0.25]),
     "segmentation {}": (instances(BED | {"segmentation": {}}), ["bed"], [0.25]),
     "no objects": (instances(), [], []),
+    "a region to ignore": (instances(BED, BED | {"id": 2, "ignore": 1}), ["bed"], [0.25]),
+    "iscrowd as a number of pandas": (instances(BED | {"iscrowd": 0.0}), ["bed"], [0.25]),
     "Ultralytics predictions.json": (
         [{"image_id": 1, "file_name": "1.jpg", "category_id": 65, "bbox": [0, 0, 50, 50]}
          | {"score": 0.9}],
@@ -98,6 +100,8 @@ REFUSED = {
     "category_id as text": (instances(BED | {"category_id": "1"}), "expected a whole number"),
     "bbox null": (instances(BED | {"bbox": None}), "bbox: expected a list of numbers"),
     "scores as text": (instances(BED | {"score": "0.9"}), "score: expected a number"),
+    "iscrowd as text": (instances(BED | {"iscrowd": "0"}), "iscrowd: expected 0 or 1"),
+    "brush masks of CVAT": (instances(BED | {"iscrowd": 1}), "found iscrowd 1 in all 1 entries"),
     "VGG Image Annotator": (
         {"1.jpg7": {"filename": "1.jpg", "size": 7, "regions": []}},
         "expected a list of results",
