@@ -171,7 +171,7 @@ def embedding_column_with_nulls(features: np.ndarray, ok: np.ndarray) -> tuple[p
 
 STAGE = Stage(
     name="embed-images",
-    version=1,
+    version=2,
     build=build,
     help="""Turn images into embeddings.
 
