@@ -85,9 +85,10 @@ def _load_image(files: dict[str, Path]) -> ImageModel:
     import torch
 
     tower = read_image_tower(files["weights"])
+    # On CPUs a quarter faster than with the channels before the rows. torch's stubs lack this form.
+    tower.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     return ImageModel(
-        # On CPUs a quarter faster than with the channels before the rows.
-        module=tower.to(memory_format=torch.channels_last),
+        module=tower,
         prepare=preparer(CLIP_RN50_PIXELS, "clip-rn50"),
         dim=1024,
     )
