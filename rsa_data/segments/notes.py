@@ -13,7 +13,10 @@ from ..common.cards import card_of, read_card
 from ..common.errors import RsaDataError
 from . import onnx
 
-COLUMNS = ("status", "label")
+COLUMNS = ("status", "label", "score")
+
+# Detectors write their results for an evaluation with scores from 0.001 on.
+_LOW = 0.05
 _LOOK = "look at some images with --preview 12"
 
 
@@ -34,15 +37,26 @@ def write(
     elif segmenter_weights is not None:
         lines += _another_file(segments, segmenter_weights, card)
     images = Counter[str]()
-    total = 0
+    total = found = low = 0
     for part in parts:
         good = part.filter(pc.equal(part["status"], "ok"))
         total += len(good)
         for labels in good["label"].to_pylist():
             images.update(set(labels))
+        scores = pc.list_flatten(good["score"])
+        found += len(scores)
+        low += pc.sum(pc.less(scores, _LOW)).as_py() or 0
     if total and images:
         most = ", ".join(f"{name} {count / total:.0%}" for name, count in images.most_common(5))
-        lines.append(f"{len(images)} classes; in most images: {most}")
+        classes = "1 class" if len(images) == 1 else f"{len(images)} classes"
+        lines.append(f"{classes}; in most images: {most}")
+    elif total:
+        lines.append(f"warning: no object in any of {total:,} images")
+    if low > found / 2:
+        lines.append(
+            f"warning: {low:,} of {found:,} segments have scores below {_LOW}, as detectors write "
+            "them for an evaluation; --score-threshold 0.3 leaves them out"
+        )
     return lines
 
 

@@ -9,8 +9,10 @@ import json
 import numpy as np
 import pyarrow as pa
 import pytest
+from click.testing import CliRunner
 from PIL import Image
 
+from rsa_data.cli.main import cli
 from rsa_data.common import names_files
 from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets.dataset import Dataset
@@ -205,3 +207,19 @@ def test_palettes_are_no_names(tmp_path, name, text, says):
     (tmp_path / name).write_text(text)
     with pytest.raises(RsaDataError, match=says):
         names_files.read(tmp_path / name)
+
+
+def test_results_that_were_written_for_an_evaluation_are_doubted(tmp_path):
+    Image.new("RGB", (100, 100)).save(tmp_path / "1.jpg")
+    result = {"image_id": 1, "category_id": 1, "bbox": [0, 0, 50, 50]}
+    low = [result | {"score": 0.001 * (n + 1)} for n in range(9)]
+    source, command = f"coco-detections:{tmp_path / 'r.json'}", ["detect", "--dataset", "folder:a"]
+    for results, said in (
+        ([*low, result | {"score": 0.9}], "9 of 10 segments have scores below 0.05"),
+        ([result | {"score": 0.9}], "1 class; in most images: person 100%"),
+    ):
+        (tmp_path / "r.json").write_text(json.dumps(results))
+        words = ["--root", str(tmp_path), "--segments", source, "--work", str(tmp_path / "w")]
+        done = CliRunner().invoke(cli, [*command, *words, "--start-over"])
+        assert done.exit_code == 0 and said in done.output, done.output
+        assert ("scores below" in done.output) == (len(results) > 1)
