@@ -89,8 +89,8 @@ def test_workers_that_die_again_and_again_end_the_run(tmp_path, how, undisturbed
 @pytest.mark.filterwarnings("ignore")
 def test_a_stage_that_cannot_begin_says_why(tmp_path, how):
     work = rooms.made(tmp_path)
-    job = rooms.captions_job(work, digits=7)
-    with pytest.raises(RsaDataError, match="digits: expected 0 to 3, found 7"):
+    job = rooms.captions_job(work, style="import:nowhere.json")
+    with pytest.raises(RsaDataError, match="found nothing at nowhere.json"):
         list(dispatch.run(job, fingerprints.describe(job), [Task(0), Task(1)], how))
 
 
