@@ -64,6 +64,9 @@ CONTAINED = REFUSED | FAILED
 ANY = CONTAINED | ACCEPTED
 
 
+_STOPPING = (signal.SIGINT, signal.SIGTERM)
+
+
 class Running:
     """An attack in a process of its own, which was forked with everything imported."""
 
@@ -79,9 +82,12 @@ class Running:
         _, status, _ = os.wait4(self.pid, 0)
         self.broken = status != 0
         self.before = _listing(self.box)
+        # A signal at once must not reach the fork itself, but the command.
+        signal.pthread_sigmask(signal.SIG_BLOCK, _STOPPING)
         self.pid = os.fork()
         if not self.pid:
             self._child()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOPPING)
         self.begun = time.monotonic()
 
     def _prepare(self) -> None:
@@ -123,7 +129,9 @@ class Running:
         try:
             self._enter(self.attack.stdout)
             # A shell that runs this in the background has it ignored.
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            own = signal.SIG_DFL if self.attack.after else signal.default_int_handler
+            signal.signal(signal.SIGINT, own)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOPPING)
             sys.argv = ["rsa-data", *self.attack.words]
             if self.attack.after:
                 os.execv(sys.executable, [sys.executable, "-m", "rsa_data", *self.attack.words])

@@ -90,7 +90,7 @@ def test_workers_that_die_again_and_again_end_the_run(tmp_path, how, undisturbed
 def test_a_stage_that_cannot_begin_says_why(tmp_path, how):
     work = rooms.made(tmp_path)
     job = rooms.captions_job(work, style="import:nowhere.json")
-    with pytest.raises(RsaDataError, match="found nothing at nowhere.json"):
+    with pytest.raises(RsaDataError, match="found nothing at nowhere"):
         list(dispatch.run(job, fingerprints.describe(job), [Task(0), Task(1)], how))
 
 
