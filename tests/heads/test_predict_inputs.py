@@ -18,7 +18,9 @@ from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.heads.inputs import kinds
 from rsa_data.heads.predict.choices import Models
 from rsa_data.heads.predict.nouns import objects_in, text_of
+from rsa_data.heads.predict.objects import things
 from rsa_data.heads.predict.predict import predict as predict_function
+from rsa_data.segments.segments import Segments
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.playground import desk
 
@@ -171,3 +173,9 @@ def test_a_list_of_objects_reads_as_it_was_written():
     things = objects_in("bed 13.5%, wall 40.2%, chair").things
     assert objects_in(text_of(things)).things == things
     assert [thing.is_thing for thing in things] == [True, False, True]
+
+
+def test_a_photo_without_objects_has_no_things():
+    none = np.zeros(0, np.float32)
+    found = Segments((), none, none, none.astype(bool), None, 60, 40, center=none)
+    assert things(found) == ()

@@ -67,7 +67,7 @@ def things(found: Segments) -> tuple[Thing, ...]:
     """The objects of a photo as a head reads them, in the order of the segments."""
     names = [clean(label) for label in found.label]
     centers: list[tuple[float, float] | None] = [None] * len(names)
-    if found.center is not None and found.width and found.height:
+    if names and found.center is not None and found.width and found.height:
         places = found.center / np.array([found.width, found.height])
         centers = [(float(x), float(y)) for x, y in places]
     return tuple(
