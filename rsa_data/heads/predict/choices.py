@@ -45,8 +45,8 @@ class Hints:
 
     known : a point of known depth as u,v,metres (pixel column and row, may be repeated). With a
         head the prediction is corrected by it, without one the points alone give the depth.
-    range : depth of the nearest and of the farthest part as near,far in metres; used like two
-        points.
+    range : depth of the nearest and of the farthest part (1st and 99th percentile) as near,far in
+        metres; used like two points.
     smooth : number of consecutive frames over which scale and shift are averaged.
     """
 

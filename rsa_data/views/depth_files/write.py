@@ -23,7 +23,7 @@ class Outputs:
         any other name is a folder with one depth file for each photo.
     kind : format of the depth files in that folder.
     colours : also write a picture of the depth in colours, with a bar in metres.
-    ply : also write coloured points.
+    ply : also write coloured points in metres, with x right, y down and z forward.
     glb : also write a textured mesh, cut where the depth jumps.
     """
 
