@@ -43,8 +43,6 @@ def write(
         total += len(good)
         for labels in good["label"].to_pylist():
             images.update(set(labels))
-        if "score" not in good.column_names:  # of text alone
-            continue
         scores = pc.list_flatten(good["score"])
         found += len(scores)
         low += pc.sum(pc.less(scores, _LOW)).as_py() or 0

@@ -59,7 +59,7 @@ def run(folder, weights, **options):
 
 
 def told(weights):
-    table = pa.table({"status": ["ok"], "label": [["cat"]]})
+    table = pa.table({"status": ["ok"], "label": [["cat"]], "score": [[0.9]]})
     return detect.STAGE.notes.write([table], segments="onnx", segmenter_weights=weights)[0]
 
 
@@ -286,7 +286,7 @@ def test_yolov6_has_an_objectness_of_one(tmp_path):
     weights = write(tmp_path / "v6.onnx", {"outputs": answer}, {})
     row = run(tmp_path, weights, names=str(tmp_path / "n.txt"))
     check(row, WANTED)
-    table = pa.table({"status": ["ok"], "label": [["cat"]]})
+    table = pa.table({"status": ["ok"], "label": [["cat"]], "score": [[0.9]]})
     options = {"segments": "onnx", "segmenter_weights": weights, "names": str(tmp_path / "n.txt")}
     assert "YOLOv6" in detect.STAGE.notes.write([table], **options)[0]
 
