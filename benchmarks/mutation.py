@@ -63,6 +63,7 @@ def main() -> None:
     drawn = state / f"sample-{options.seed}.json"
     if not drawn.exists():
         draw(tree, options, drawn)
+    top_up(tree, options, drawn)
     left = test_all(state, tree, drawn, options.again, deadline)
     report(drawn)
     print(f"{left} left: call again" if left else "nothing is left")
@@ -108,13 +109,33 @@ def test_files(tree: Path) -> list[str]:
 def draw(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
     from mutating import places
 
-    kept = ("key", "operator", "nth", "line", "column", "start", "end", "outer")
-    found = [{name: getattr(m, name) for name in kept}
-             for m in places.sample(tree, options.mutants, options.seed)]  # fmt: skip
+    found = [entry(m) for m in places.sample(tree, options.mutants, options.seed)]
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True,
                             capture_output=True, text=True).stdout.strip()  # fmt: skip
     about = {"seed": options.seed, "commit": commit, "mutants": found, "controls": []}
     drawn.write_text(json.dumps(about, indent=1))
+
+
+def top_up(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
+    """Draw others, with the next seed, for mutants whose code has gone before they were tried."""
+    from mutating import places
+
+    about = json.loads(drawn.read_text())
+    mutants = about["mutants"]
+    for m in mutants:
+        if m.get("outcome") is None and places.find(tree, m) is None:
+            m.update(outcome="gone", by="the code has changed since it was drawn")
+    missing = options.mutants - sum(m.get("outcome") != "gone" for m in mutants)
+    if missing > 0:
+        known = {tuple(m["key"]) for m in mutants}
+        others = (entry(m) for m in places.sample(tree, 3 * missing, options.seed + len(mutants)))
+        mutants += [m for m in others if tuple(m["key"]) not in known][:missing]
+    drawn.write_text(json.dumps(about, indent=1))
+
+
+def entry(mutant) -> dict:
+    kept = ("key", "operator", "nth", "line", "column", "start", "end", "outer")
+    return {name: getattr(mutant, name) for name in kept}
 
 
 def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float) -> int:
