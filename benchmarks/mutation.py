@@ -12,8 +12,9 @@ tests have passed. A time limit of a few times the normal time counts as caught.
 is tried too, as a control: its tests must pass.
 
 Call it until it says that nothing is left: each call goes on where the last one stopped, after so
-many minutes at most. Then it writes benchmarks/results/mutation.json and mutation.md: what was
-caught, and the survivors, each with its reason from benchmarks/mutating/survivors.toml.
+many minutes at most. Where the code of a mutant has changed since, another one is drawn. It writes
+benchmarks/results/mutation.json and mutation.md: what was caught, and the survivors, each with its
+reason from benchmarks/mutating/survivors.toml.
 --again tries the survivors once more, with tests that are new since. The folder ../shared is not
 beside the copy, so tests that need it are skipped: the figures are those of any checkout.
 """
@@ -63,7 +64,7 @@ def main() -> None:
     drawn = state / f"sample-{options.seed}.json"
     if not drawn.exists():
         draw(tree, options, drawn)
-    top_up(tree, options, drawn)
+    follow(tree, options, drawn)
     left = test_all(state, tree, drawn, options.again, deadline)
     report(drawn)
     print(f"{left} left: call again" if left else "nothing is left")
@@ -116,26 +117,29 @@ def draw(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
     drawn.write_text(json.dumps(about, indent=1))
 
 
-def top_up(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
-    """Draw others, with the next seed, for mutants whose code has gone before they were tried."""
+def entry(mutant) -> dict:
+    """What is kept of a mutant, by which it is found again."""
+    kept = ("key", "operator", "nth", "line", "column", "start", "end", "outer")
+    return {name: getattr(mutant, name) for name in kept}
+
+
+def follow(tree: Path, options: argparse.Namespace, drawn: Path) -> None:
+    """Find the mutants again in code that has changed; others are drawn for those that are gone."""
     from mutating import places
 
     about = json.loads(drawn.read_text())
     mutants = about["mutants"]
+    wanted = {None, "slow"} | ({"survived"} if options.again else set())
     for m in mutants:
-        if m.get("outcome") is None and places.find(tree, m) is None:
-            m.update(outcome="gone", by="the code has changed since it was drawn")
-    missing = options.mutants - sum(m.get("outcome") != "gone" for m in mutants)
-    if missing > 0:
+        if m.get("outcome") in wanted:
+            there = places.find(tree, m)
+            m |= {"outcome": "gone"} if there is None else entry(there)
+    short = options.mutants - sum(m.get("outcome") != "gone" for m in mutants)
+    if short > 0:
         known = {tuple(m["key"]) for m in mutants}
-        others = (entry(m) for m in places.sample(tree, 3 * missing, options.seed + len(mutants)))
-        mutants += [m for m in others if tuple(m["key"]) not in known][:missing]
+        more = places.sample(tree, options.mutants, options.seed)
+        mutants += [entry(m) for m in more if m.key not in known][:short]
     drawn.write_text(json.dumps(about, indent=1))
-
-
-def entry(mutant) -> dict:
-    kept = ("key", "operator", "nth", "line", "column", "start", "end", "outer")
-    return {name: getattr(mutant, name) for name in kept}
 
 
 def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float) -> int:
@@ -148,10 +152,10 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     later = {t.split("/")[1] for t in test_files(tree) if t not in measured}
     about = json.loads(drawn.read_text())
     mutants = about["mutants"]
+    wanted = {None, "slow"} | ({"survived"} if again else set())
 
     def left(slow: bool = False) -> list[tuple[int, list[tuple[str, float]]]]:
         """What can be tried now, cheapest first: place in the list of mutants, its tests."""
-        wanted = {None, "slow"} | ({"survived"} if again else set())
         found = []
         for number, m in enumerate(mutants):
             if m.get("outcome") in wanted and m["key"][0].split("/")[1] not in later:
@@ -164,12 +168,9 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
         for done, (number, tests) in enumerate(left()):
             if time.monotonic() > deadline - 60:
                 return
-            mutant = places.find(tree, mutants[number])
-            if mutant is None:
-                continue
             if done % 40 == 0:
                 yield -1, None, tests
-            yield number, mutant, tests
+            yield number, places.find(tree, mutants[number]), tests
 
     def take(number: int, result: dict) -> None:
         if number < 0:
@@ -192,9 +193,6 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
         if time.monotonic() > deadline:
             break
         mutant = places.find(tree, mutants[number])
-        if mutant is None:
-            mutants[number].update(outcome="gone", by="the code has changed since")
-            continue
         with trial.changed(tree / mutant.file, mutant.code):
             take(number, trial.tried(tree, tests, state) | {"tests": len(tests)})
         drawn.write_text(json.dumps(about, indent=1))

@@ -56,7 +56,7 @@ def texts(
     leads: dict[int, Column | str] = {0: between, 1: opening, 2: last, 3: opening}
     values, index = [pa.array([nothing])], np.zeros(len(caption), np.int64)
     known, size = objects >= 0, 1
-    place = np.empty(int(objects.max(initial=-1)) + 1, np.int64)
+    place = np.empty(int(objects.max()) + 1, np.int64)
     for number, lead in leads.items():
         entries = np.flatnonzero((version == number) & known)
         # Only what some caption uses is spelled out.

@@ -18,7 +18,7 @@ from rsa_data.captions.choose import Chosen
 from rsa_data.captions.compose import Recipe, compose
 from rsa_data.captions.options import Augmentation, Contents, WrongObjects
 from rsa_data.common import options as options_of
-from rsa_data.common.errors import RsaDataError
+from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.common.tokenizers import Tokenizer, clip
 from rsa_data.store import schemas
 
@@ -224,6 +224,8 @@ def test_delete_never_leaves_an_image_without_its_largest_object():
     table = segments({"a": ROOM})
     rows = written(table, variants=5, delete=1.0, style="classes")
     assert [told(r["text"]) for r in rows[1:]] == [["wall"]] * 4
+    # The plain caption deletes nothing, whatever the probability.
+    assert told(rows[0]["text"]) == [one["label"] for one in ROOM]
     assert [r["n_tokens"] for r in rows[1:]] == [6] * 4
 
 
@@ -304,6 +306,10 @@ def test_a_column_holds_two_gigabytes():
     megabyte = Column(("x" * 2**20,), np.zeros(1, np.int64))
     with pytest.raises(RsaDataError, match=r"3000 texts are 2.9 GB, expected at most 2 GB"):
         texts(chosen, [megabyte], Column(("",)), ", ", ", ", "", "An image.")
+    # Offsets are int32: the last one of 2^31 bytes would be one too large.
+    just = Chosen(np.arange(2048), np.zeros(2048, np.int64), np.zeros(2048, np.int32))
+    with pytest.raises(RsaDataError, match=r"2048 texts are 2.0 GB"):
+        texts(just, [megabyte], Column(("",)), ", ", ", ", "", "An image.")
 
 
 STREET = re.compile(
@@ -348,3 +354,17 @@ def test_no_object_is_replaced_by_its_own_class():
     table = segments({str(i): objects(("car", 0.5)) for i in range(300)})
     rows = written(table, variants=3, delete=0.0, replace=1.0, style="classes")
     assert all(r["text"] != "An image with car" for r in rows if r["variant"])
+
+
+@pytest.mark.parametrize(
+    ("style", "says"),
+    [
+        ("member", "expected member:ENDING, such as member:txt"),
+        ("member:txt", "reads the shards: give --root"),
+        ("occupancy:x", "no argument"),
+        ("import", "import:PATH"),
+    ],
+)
+def test_styles_that_take_an_argument_and_those_that_do_not(style, says):
+    with pytest.raises(UsageError, match=says):
+        write.build(style=style)

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hub_server import hub, surroundings
 from shard_files import TABLES, TAR, as_parquet, as_tars, frames, tables
 from weather import weather_before
 
@@ -97,52 +98,6 @@ def test_a_shard_is_read_in_few_requests(tmp_path, site):
     assert len(site[1].seen) <= 3 * 10  # ten shards: a look at the size, and one block each
 
 
-class Hub(http.server.BaseHTTPRequestHandler):
-    """As much of the hub as a data set needs: its commit, its tree, its files."""
-
-    protocol_version = "HTTP/1.1"
-    root: Path
-    name = "owner/name"
-    commit = "c" * 40
-
-    def do_GET(self) -> None:
-        self.answer(self.command == "GET")
-
-    do_HEAD = do_GET
-
-    def answer(self, body: bool) -> None:
-        path = self.path.partition("?")[0]
-        files = sorted(p.relative_to(self.root).as_posix() for p in self.root.rglob("*.*"))
-        data, headers = b"", {"X-Repo-Commit": self.commit}
-        api = f"/api/datasets/{self.name}"
-        if path in (f"{api}/revision/main", api):
-            data = json.dumps({"id": self.name, "sha": self.commit}).encode()
-        elif path.startswith(f"{api}/tree/{self.commit}"):
-            tree = [
-                {"type": "file", "path": f, "size": (self.root / f).stat().st_size, "oid": "0"}
-                for f in files
-            ]
-            data = json.dumps(tree).encode()
-        elif (name := path.rpartition(f"/resolve/{self.commit}/")[2]) in files:
-            data = (self.root / name).read_bytes()
-            headers["ETag"] = f'"{len(data)}-{name}"'.replace("/", "-")
-        else:
-            self.send_response(404)
-            self.send_header("X-Error-Code", "RepoNotFound" if "/api/" in path else "EntryNotFound")
-            self.send_header("Content-Length", "0")
-            self.end_headers()
-            return
-        self.send_response(200)
-        for key, value in {**headers, "Content-Length": str(len(data))}.items():
-            self.send_header(key, value)
-        self.end_headers()
-        if body:
-            self.wfile.write(data)
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
 SCRIPT = """
 import sys
 from pathlib import Path
@@ -162,15 +117,8 @@ def test_tars_of_a_data_set_of_the_hub(tmp_path, expected):
     import pickle
 
     as_tars(frames(), tmp_path / "hub")
-    handler = type("Here", (Hub,), {"root": tmp_path / "hub"})
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        settings = {
-            "HF_ENDPOINT": f"http://127.0.0.1:{server.server_address[1]}",
-            "HF_HOME": str(tmp_path / "cache"),
-            "HF_HUB_DISABLE_XET": "1",
-            "HF_HUB_DISABLE_PROGRESS_BARS": "1",
-        }
+    with hub(tmp_path / "hub") as address:
+        settings = surroundings(address, tmp_path / "cache")
         helpers = Path(__file__).parents[1] / "helpers"
         given = [helpers, tmp_path / "work", expected[1]]
 
@@ -187,7 +135,6 @@ def test_tars_of_a_data_set_of_the_hub(tmp_path, expected):
         done = ask("hf://datasets/owner/name")
         assert done.returncode == 0, done.stderr
         missing = ask("hf://datasets/owner/other")
-        server.shutdown()
     found, parts, root = pickle.loads((tmp_path / "work" / "found.pickle").read_bytes())
     assert parts == [4, 4, 2] and root == f"hf://datasets/owner/name@{'c' * 40}"
     for table in TABLES:
@@ -205,20 +152,13 @@ def test_a_named_copy_on_the_hub_needs_no_root(tmp_path):
     (tmp_path / "hub" / "data").mkdir(parents=True)
     for split in ("train", "test"):
         pq.write_table(pa.table(made), tmp_path / f"hub/data/{split}-00000-of-00001.parquet")
-    handler = type("Here", (Hub,), {"root": tmp_path / "hub", "name": "jagennath-hari/nyuv2"})
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        settings = {
-            "HF_ENDPOINT": f"http://127.0.0.1:{server.server_address[1]}",
-            "HF_HOME": str(tmp_path / "cache"),
-            "HF_HUB_DISABLE_XET": "1",
-        }
+    with hub(tmp_path / "hub", "jagennath-hari/nyuv2") as address:
         words = ["embed-images", "--dataset", "nyuv2-parquet", "--encoder", "thumbnail"]
         done = subprocess.run(
             [sys.executable, "-m", "rsa_data", *words, "--work", str(tmp_path / "work")],
-            env=os.environ | settings, capture_output=True, text=True, timeout=300, check=False,
+            env=os.environ | surroundings(address, tmp_path / "cache"),
+            capture_output=True, text=True, timeout=300, check=False,
         )  # fmt: skip
-        server.shutdown()
     assert done.returncode == 0, done.stderr
     work = WorkDir(tmp_path / "work")
     samples = work.table("nyuv2-parquet", "samples")

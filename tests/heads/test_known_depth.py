@@ -103,6 +103,17 @@ def test_points_that_contradict_the_relative_depth_are_refused():
         known_depth.fit(np.array([1.0, 1.0]), np.array([1.0, 3.0]))
 
 
+def test_points_that_agree_on_the_opposite_of_relative_depth_are_not_followed():
+    """Three on a line that falls: the pairs that rise decide, and all four stay."""
+    y, inverse = np.array([1.0, 2.0, 3.0, 8.0]), np.array([0.30, 0.28, 0.26, 0.50])
+    found = known_depth.fit(y, 1 / inverse)
+    assert found.used.all()
+    # Least squares of a y z + b z = 1.
+    matrix = np.stack([y, np.ones(4)], 1) / inverse[:, None]
+    expected = np.linalg.lstsq(matrix, np.ones(4), rcond=None)[0]
+    assert (found.scale, found.shift) == pytest.approx(tuple(expected)) and found.scale > 0
+
+
 def test_points_where_y_is_not_defined_are_refused():
     y = np.array([[1.0, np.nan]], np.float32)
     with pytest.raises(UsageError, match=r"nothing there; .* is 0,0; all lie in columns 0 to 0"):

@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import http.server
 import json
+import os
 import shutil
 import socket
 import subprocess
@@ -26,6 +27,7 @@ from weather import Forward
 
 from rsa_data.common.errors import RsaDataError
 from rsa_data.runner import runs, verify
+from rsa_data.store import object_clients
 from rsa_data.store.objects import ObjectStore
 from rsa_data.store.stores import open_store
 from rsa_data.store.tables import Description, WorkDir
@@ -189,3 +191,25 @@ def test_a_container_must_be_named(place):
 def test_a_work_dir_is_written(place):
     with pytest.raises(RsaDataError, match="expected a place that can be written"):
         open_store(place)
+
+
+@pytest.mark.parametrize(("place", "known"), [
+    ("gs://bucket/x", "GOOGLE_SERVICE_ACCOUNT_KEY"), ("az://box/x", "AZURE_STORAGE_ACCOUNT_KEY"),
+])  # fmt: skip
+def test_public_places_are_read_without_an_account(place, known, tmp_path, monkeypatch):
+    pytest.importorskip("obstore")
+    for name in [*os.environ]:
+        if name.startswith(("GOOGLE_", "AZURE_")):
+            monkeypatch.delenv(name)
+    monkeypatch.setenv("HOME", str(tmp_path))  # where gcloud keeps them
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_NAME", ACCOUNT)
+
+    def signs(option: str) -> bool:
+        client = object_clients.open_client(place.partition(":")[0], place, option)
+        return client.config.get("skip_signature") != "true"
+
+    assert [signs("--root"), signs("--work")] == [False, True]
+    account = {"gcs_base_url": "http://127.0.0.1:9", "disable_oauth": True, "client_email": ""}
+    account |= {"private_key": "", "private_key_id": ""}
+    monkeypatch.setenv(known, KEY if place.startswith("az") else json.dumps(account))
+    assert signs("--root")

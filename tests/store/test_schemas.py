@@ -1,11 +1,13 @@
 """Schemas: every column as declared, nothing let through."""
 
+import hashlib
+
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from rsa_data.common.errors import RsaDataError
-from rsa_data.store import schemas
+from rsa_data.store import encoding, schemas
 
 ROW = {
     "sample_id": ["nyuv2/test/a"],
@@ -91,9 +93,41 @@ def test_digest_tells_null_from_empty():
     assert schemas.digest(empty) != schemas.digest(null)
 
 
+def test_digest_does_not_see_what_lies_under_a_null():
+    """Arrow's format leaves the bytes of a null open."""
+    there = pa.py_buffer(bytes([0b101]))
+    made = [
+        pa.Array.from_buffers(
+            kind, 3, [there, pa.py_buffer(b"a" * width + under * width + b"b" * width)]
+        )
+        for kind, width in ((pa.binary(4), 4), (pa.int32(), 4), (pa.float64(), 8))
+        for under in (b"x", b"y")
+    ]
+    found = [schemas.digest(pa.table({"c": array})) for array in made]
+    assert found[0::2] == found[1::2] and len(set(found)) == 3
+
+
+def test_digests_are_those_that_receipts_hold():
+    """Receipts of earlier versions name the digests of their parts."""
+    table = pa.table({f"c{number}": array for number, array in enumerate(VALUES)})
+    assert schemas.digest(table) == (
+        "73dfb358ff73434ac1fb48437c715018a9b3063b32427c2ee158e4fce532725c"
+    )
+
+
+def test_json_is_readable_and_the_same_for_the_same_value():
+    """What fingerprints are of: sorted keys, one space, UTF-8 as it is, one newline."""
+    text = b'{\n "a": "\xc3\xa4\xe6\xa4\x85",\n "b": [\n  1,\n  null\n ]\n}\n'
+    value = {"b": [1, None], "a": "ä椅"}
+    assert encoding.to_json(value) == text
+    assert encoding.fingerprint(value) == hashlib.sha256(text).hexdigest()
+
+
 def test_embedding_column_keeps_dtype_and_bits():
     features = np.random.default_rng(0).normal(size=(5, 7)).astype(np.float32)
     field, array = schemas.embedding_column(features)
+    # Hundreds of MB in a part: they are not copied.
+    assert array.buffers()[1].address == features.ctypes.data
     table = pa.Table.from_arrays([array], schema=pa.schema([field]))
     back = schemas.embedding_array(table.slice(2))
     assert back.dtype == np.float32

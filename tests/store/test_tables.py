@@ -1,6 +1,8 @@
 """Parts and receipts: whole or not at all, bound to what made them."""
 
+import hashlib
 import json
+import re
 import subprocess
 import sys
 
@@ -74,6 +76,18 @@ def test_a_part_of_another_size_is_refused(table):
     table.store.write(file, data[:-1])
     with pytest.raises(RsaDataError, match=rf"expected {len(data)} bytes.*found {len(data) - 1}"):
         table.read(0)
+
+
+def test_a_part_of_other_bytes_is_refused_when_they_are_looked_at(table):
+    receipt = table.commit(0, embeddings(), COUNTS)
+    file = f"{table.path}/{receipt.file}"
+    data = bytearray(table.store.read(file))
+    data[len(data) // 2] ^= 1
+    table.store.write(file, bytes(data))
+    other = hashlib.sha256(data).hexdigest()
+    said = f"expected sha256 {receipt.sha256[:12]}..., found {other[:12]}...."
+    with pytest.raises(RsaDataError, match=f"{re.escape(said)}.*delete its receipt to make it"):
+        table.read(0, check=True)
 
 
 def test_other_options_are_refused_by_name(table):

@@ -83,12 +83,12 @@ def fit(y: np.ndarray, metres: np.ndarray) -> Fit:
     """
     check_points(y, metres)
     if len(y) == 1:
-        if y[0] <= 0:
+        if (near := y.item()) <= 0:
             raise RsaDataError(
-                f"--known: the relative depth at the point is {y[0]:.4g}; one point alone needs "
+                f"--known: the relative depth at the point is {near:.4g}; one point alone needs "
                 "one above 0. Give a second point at another distance"
             )
-        scale = float(1 / (y[0] * metres[0]))
+        scale = 1 / (near * metres.item())
         told = "one point gives the scale alone: the shift is assumed to be 0. Give a second one"
         return Fit(scale, 0.0, np.zeros(1), np.ones(1, bool), told)
     used = _agreeing(y, metres) if len(y) >= 4 else np.ones(len(y), bool)
