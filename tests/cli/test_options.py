@@ -1,11 +1,11 @@
 """Commands from signatures; old spellings of options in every command that has some."""
 
 from pathlib import Path
-from typing import Literal
 
 import click
 import pytest
 from click.testing import CliRunner
+from painting import paint
 
 from rsa_data.cli.main import cli, load, names
 from rsa_data.cli.options import Number, click_options, current_words
@@ -13,26 +13,6 @@ from rsa_data.common.errors import UsageError
 from rsa_data.common.options import RENAMED, flag
 from rsa_data.datasets.index import open_dataset
 from rsa_data.runner import stages
-
-
-def paint(
-    *,
-    colour: Literal["red", "blue"] = "red",
-    layers: int = 2,
-    share: float | None = None,
-    file: Path | None = None,
-    dry: bool = False,
-):
-    """Paints.
-
-    Parameters
-    ----------
-    colour : what it looks like; more is not said.
-    layers : how many times
-        it is painted. Twice will do.
-    share : of the wall.
-    """
-    return colour, layers, share, file, dry
 
 
 def test_a_command_from_a_signature():

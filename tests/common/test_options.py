@@ -2,32 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import pytest
+from painting import paint
 
 from rsa_data.common import options
 from rsa_data.common.errors import UsageError
-
-
-def paint(
-    *,
-    colour: Literal["red", "blue"] = "red",
-    layers: int = 2,
-    share: float | None = None,
-    file: Path | None = None,
-    dry: bool = False,
-):
-    """Paints.
-
-    Parameters
-    ----------
-    colour : what it looks like; more is not said.
-    layers : how many times
-        it is painted. Twice will do.
-    share : of the wall.
-    """
-    return colour, layers, share, file, dry
 
 
 def test_defaults_and_conversion():
