@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,25 @@ def test_tokenizers_that_do_not_add_up_are_asked_about_the_whole_text():
     assert made["n_tokens"].tolist() == (-(-lengths // 3) + 2).tolist()
     assert max(made["n_tokens"]) == 53
     assert made["n_kept"].tolist() == [4] * 4 + [1] * 4 + [0] * 4
+
+
+def test_where_pieces_add_up_no_whole_text_is_counted():
+    """1.47 million captions are counted in seconds because each name is, once."""
+    seen: list[str] = []
+
+    def ids(strings):
+        seen.extend(strings)
+        return clip().ids(strings)
+
+    wording = registry.resolve("style", registry.STYLES, "occupancy")
+    recipe = Recipe(
+        wording, replace(clip(), ids=ids), 77, Augmentation(variants=9), Contents(), WrongObjects()
+    )
+    table = segments({"a": ROOM})
+    names = [s["label"] for s in ROOM]
+    made = compose(recipe, table, samples(table), np.arange(6, dtype=np.int32), names)
+    assert made["n_tokens"].tolist() == clip().count(made["text"].to_pylist()).tolist()
+    assert seen and set(seen).isdisjoint(made["text"].to_pylist())
 
 
 def test_counting_whole_texts_ends_where_tables_do():

@@ -10,6 +10,7 @@ from rsa_data.captions import write
 from rsa_data.captions.described import described
 from rsa_data.captions.options import Augmentation, Contents, WrongObjects
 from rsa_data.common.options import call
+from rsa_data.store import schemas
 
 IDS = [f"rooms/train/000/{n:05d}" for n in range(30)]
 
@@ -47,6 +48,9 @@ def test_as_in_captions_of_the_same_seed(given, wrong):
             shares = [float(a) - float(b) for (_, a), (_, b) in zip(told, listed, strict=True)]
             np.testing.assert_allclose(shares, 0, atol=0.011)
             assert len(row["is_thing"]) == len(row["label"])
+        # These segments have no places; the column is there all the same, as segments have it.
+        place = schemas.schema("segments").field("center").type
+        assert found.schema.field("center").type == place and found["center"].null_count == 30
 
 
 def test_what_is_countable_is_known_of_objects_that_were_added():

@@ -130,6 +130,7 @@ def test_each_image_gets_what_the_model_says(root, fake):
     assert texts(root, server) == [f"A room of shade {shade}." for shade in (50, 100, 150)]
     asked = server.asked[0]
     assert (asked["model"], asked["temperature"], asked["key"]) == ("eyes", 0, None)
+    assert asked["seed"] == 0  # always the same: with temperature 0, the same answer again
     assert asked["messages"][0]["content"][0]["text"] == vlm.prompt_of(None)
 
 
@@ -161,12 +162,13 @@ def test_a_server_that_stays_in_trouble_leaves_the_part_undone(root, fake):
 @pytest.mark.parametrize(
     ("bad", "reason"),
     [
-        ((400, b"too large"), "the server refused the picture: status 400"),
+        # RFC 9110: bad, too large, of an unsupported kind, or not to be processed.
+        *(((n, b""), f"the server refused the picture: status {n}") for n in (400, 413, 415, 422)),
         (said("  "), "the model gave no text"),
         ((200, b'{"choices": []}'), "the model gave no text"),
         ((200, b'[1]'), "the model gave no text"),
     ],
-    ids=["refused", "empty", "no-choices", "a-list"],
+    ids=["400", "413", "415", "422", "empty", "no-choices", "a-list"],
 )  # fmt: skip
 def test_an_image_without_an_answer_is_set_aside(root, fake, bad, reason):
     server = fake(lambda count, shade: bad if shade == 100 else said("A room."))

@@ -222,13 +222,19 @@ def test_at_size_is_bicubic_inside_the_box_and_nan_outside():
             (0, 0, 1, 1),
         ),
         (
+            {"resize": "keep-aspect", "size": 518, "multiple": 14},
+            (400, 700),
+            (294, 518),
+            (0, 0, 1, 1),
+        ),
+        (
             {"resize": "centre-crop", "short": 240, "size": 224},
             (480, 640),
             (224, 224),
             (0.15, 1 / 30, 0.85, 29 / 30),
         ),
     ],
-    ids=["squash", "keep-aspect", "centre-crop"],
+    ids=["squash", "keep-aspect", "keep-aspect of one larger and one smaller side", "centre-crop"],
 )
 def test_what_the_model_sees(card, shape, seen, part):
     image = np.zeros((*shape, 3), np.uint8)
@@ -237,7 +243,9 @@ def test_what_the_model_sees(card, shape, seen, part):
     assert box == pytest.approx(part)
 
 
-@pytest.mark.parametrize("shape", [(480, 640), (375, 1242), (1216, 1936), (640, 480), (100, 90)])
+@pytest.mark.parametrize(
+    "shape", [(480, 640), (375, 1242), (1216, 1936), (640, 480), (100, 90), (400, 700)]
+)
 def test_keep_aspect_sizes_equal_transformers(shape):
     dpt = pytest.importorskip("transformers.models.dpt.image_processing_pil_dpt")
     size = dpt.get_resize_output_image_size(np.zeros((3, *shape)), (518, 518), True, 14)
@@ -342,6 +350,18 @@ def test_what_was_read_is_said_and_y_the_wrong_way(rooms):
     assert lines[0].startswith("ground truth: median ") and "83% of the pixels valid" in lines[0]
     assert "in 100% of the images y grows with the distance" in lines[1]
     assert "--files-hold depth" in lines[1]
+
+
+def test_the_spread_that_is_said_is_that_of_percentiles(rooms):
+    """Of the 101 values 1 to 2 by .01, evenly; y from 0 to 10."""
+    values = np.linspace(1, 2, 101)
+    row = {"width": 101, "height": 2, "kind": "map", "n_valid": 101, "fit_scale": None}
+    row |= {"relative": (10 * (values - 1)).astype("<f2").tobytes()}
+    part = pa.Table.from_pylist([row | {"metric": values.astype("<f2").tobytes()}])
+    assert STAGE.notes.write([part]) == [
+        "ground truth: median 1.5, 1 to 99%: 1.01 to 1.99 m, 50% of the pixels valid; "
+        "y: median 5, 1 to 99%: 0.1 to 9.9"
+    ]
 
 
 def test_y_too_small_for_float16_fails(rooms):

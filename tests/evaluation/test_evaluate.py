@@ -13,7 +13,9 @@ from flat import evaluate, train_head
 from rsa_data import ScaleHead, depth_errors
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation import protocols
+from rsa_data.evaluation.inputs import TestPart
 from rsa_data.evaluation.metrics import metrics
+from rsa_data.evaluation.protocols import Rules
 from rsa_data.evaluation.summary import interval
 from rsa_data.store.tables import WorkDir
 
@@ -82,6 +84,17 @@ def test_images_that_cannot_be_measured_are_accounted_for(tmp_path):
     assert set(bad["error"]) == {"depth: no valid pixel"}
     assert len(frame) == 6 * 16
     assert "nyuv2: 1 images failed: see error" in evaluate(work).summary
+
+
+def test_depth_at_the_ends_of_the_range_does_not_count(tmp_path):
+    """Strictly between, as BTS's eval.py: logical_and(gt > min_depth_eval, gt < max_depth_eval)."""
+    gt = np.full((1, 48), 2.0)
+    gt[0, :3] = np.float16(1e-3), 10, np.nextafter(np.float16(10), np.float16(0))
+    work = WorkDir(tmp_path)
+    images(work, "nyuv2", 1, "test", metric=gt)
+    part = TestPart(work, "nyuv2", 0, "depth/files")
+    ((_, image),) = part.images(Rules(protocols.whole, float(np.float16(1e-3)), 10.0))
+    assert image.valid.ravel().tolist() == [False, False, *[True] * 46]
 
 
 def test_monodepth2_scales_by_the_median(work, monkeypatch):

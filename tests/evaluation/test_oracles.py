@@ -6,10 +6,12 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_tables import write
 
 from rsa_data.depth.measure import at_size
 from rsa_data.depth.onnx import build
 from rsa_data.evaluation import constants, oracles
+from rsa_data.store.tables import WorkDir
 
 
 def of_scipy(y, gt, max_depth, start):
@@ -72,6 +74,18 @@ def test_a_constant_is_found_again():
         y = rng.uniform(low, high, 4000)
         groups.append((y, 1 / (0.4 * scale * y + 0.07), 80.0))
     assert constants.fit_constant(groups) == pytest.approx((0.4, 0.07), rel=1e-4)
+
+
+def test_pixels_of_a_constant_are_spread_over_all_parts(tmp_path):
+    """12 images in parts of 5: of 4 the 1st, 4th, 8th and 12th, and the first 2 pixels of each."""
+    work, y = WorkDir(tmp_path), np.arange(36.0).reshape(12, 3)
+    write(
+        work, "nyuv2", scenes=["a"] * 12, texts=[["a"]] * 12, features={"a": np.zeros(4)},
+        relative=y, metric=y + 100, part=5,
+    )  # fmt: skip
+    found = constants.training_pixels(work, "nyuv2", "depth/files", images=4, pixels=2)
+    np.testing.assert_array_equal(found[0], y[[0, 3, 7, 11], :2].ravel())
+    np.testing.assert_array_equal(found[1], found[0] + 100)
 
 
 def test_a_constant_is_as_good_as_a_search_by_scipy():

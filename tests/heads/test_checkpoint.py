@@ -49,6 +49,13 @@ def test_every_head_gives_positive_scale_and_shift(name):
     assert (scale > 0).all() and (shift > 0).all()
 
 
+def test_queries_begin_as_tokens_of_a_transformer_do():
+    """Devlin et al. 2019, and ViT: learned tokens begin with a standard deviation of 0.02."""
+    torch.manual_seed(0)
+    queries = build_network({"name": "transformer"}, 64).queries.detach()
+    assert queries.std().item() == pytest.approx(0.02, rel=0.1) and abs(queries.mean()) < 0.003
+
+
 def test_numpy_in_numpy_out_torch_in_torch_out():
     features = np.random.default_rng(0).normal(size=(3, 8)).astype(np.float16)
     arrays = head_of()(features)

@@ -195,6 +195,22 @@ def test_known_distances_need_no_head_and_no_work_dir(tmp_path, monkeypatch):
     assert "the shift is assumed to be 0" in p.warnings[0]
 
 
+def test_a_shift_below_0_that_would_leave_pixels_without_depth_is_held_at_0(tmp_path):
+    """1 / z = 0.2 y - 0.3 at two points, exactly: below 0 where y < 1.5."""
+    y = np.linspace(0.5, 4, 48).reshape(6, 8).astype(np.float32)
+    np.save(tmp_path / "y.npy", y)
+    points = [(7, 5), (0, 4)]
+    known = [f"{u},{v},{1 / (0.2 * y[v, u] - 0.3)}" for u, v in points]
+    (p,) = predict(WorkDir(tmp_path / "none"), relative=tmp_path / "y.npy", known=known)
+    share = float(np.mean(0.2 * y - 0.3 <= 0))
+    assert f"would leave {share:.0%} of the pixels without a finite depth" in p.warnings[0]
+    assert p.shift == 0 and np.isfinite(p.depth).all()
+    # Where y is 2 or more everywhere, the same points are taken as they are.
+    np.save(tmp_path / "y.npy", np.maximum(y, 2))
+    (p,) = predict(WorkDir(tmp_path / "none"), relative=tmp_path / "y.npy", known=known)
+    assert (p.scale, p.shift) == pytest.approx((0.2, -0.3), rel=1e-4)
+
+
 def test_a_known_point_pulls_the_prediction_to_it(work, y, tmp_path):
     relative = {"caption": ("a kitchen",), "relative": tmp_path / "y.npy"}
     (words,) = predict(work, **relative)

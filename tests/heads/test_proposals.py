@@ -1,5 +1,7 @@
 """Detector features: laid side by side by a stage, pooled by the head."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -57,6 +59,13 @@ def test_the_pool_is_the_mean_over_the_objects_that_are_there():
     torch.testing.assert_close(network(row[:, [3, 1, 4, 0, 2]].flatten(1)), expected)
     scale, shift = network(torch.zeros(1, 20))
     assert scale.isfinite().all() and shift.isfinite().all()
+
+
+def test_the_size_of_a_feature_follows_from_its_table():
+    """20 numbers of 5 objects: 3 of each, and the 1 that says that it is there."""
+    table = SimpleNamespace(width=20, objects=5)
+    sizes = Proposals.sizes([table])
+    assert Proposals(20, **sizes).width == 4 and sizes == {"feature_dim": 3}
 
 
 def test_a_head_of_proposals_is_saved_with_what_it_needs(tmp_path):

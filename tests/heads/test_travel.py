@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
+from hub_server import Hub, here, hub
 from safetensors.torch import load_file, save_file
 
 from rsa_data.cli.main import cli
@@ -92,6 +93,23 @@ def test_a_file_that_asks_for_anything_else_is_refused(work, tmp_path, change, m
     save_file(load_file(path), path, {"head.json": json.dumps(about)})
     with pytest.raises(RsaDataError, match=message):
         find(work, str(path))
+
+
+def test_a_head_of_the_hub(work, tmp_path, monkeypatch):
+    monkeypatch.setenv("HF_HUB_DISABLE_PROGRESS_BARS", "1")
+    travel.export_head(work, "one", tmp_path / "hub")
+    with hub(tmp_path / "hub") as address:
+        here(monkeypatch, address, tmp_path / "cache")
+        head = find(work, f"hf://owner/name@{Hub.commit}")
+        np.testing.assert_array_equal(head(FEATURES), find(work, "one")(FEATURES))
+        # One line of the hub's answer, which goes on over several.
+        with pytest.raises(
+            RsaDataError, match=r"hf://owner/none: cannot be fetched: .*404.*$"
+        ) as no:
+            find(work, "hf://owner/none")
+    assert "\n" not in str(no.value)
+    with pytest.raises(UsageError, match="expected hf://OWNER/NAME or"):
+        find(work, "hf://owner")
 
 
 @pytest.mark.parametrize("data", [b"", b"no head", b"\x10\0\0\0\0\0\0\0{}", b"\xff" * 8 + b"{"])

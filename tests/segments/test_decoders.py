@@ -225,6 +225,7 @@ def test_maskdino_against_a_loop_over_pixels(seed):
     outputs = random_queries(seed)
     settings = MASKDINO | {"overlap_threshold": 0.6}
     found = decode("panoptic-queries", settings, outputs, Geometry(8, 6, 8, 6, 8, 6))
+    assert found.candidates == 7  # queries
     segments = to_segments(found, 8, 6, TABLE)
     expected = maskdino_loop(outputs, 0.6)
     assert len(expected) >= 1
