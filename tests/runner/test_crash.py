@@ -1,5 +1,6 @@
-"""The chain killed at a few moments; benchmarks/crash.py does it at all failpoints and 50 more."""
+"""Commands killed at a few moments of their commits; benchmarks/crash.py does it at all of them."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,10 @@ SCRIPT = Path(__file__).parents[2] / "benchmarks" / "crash.py"
 
 
 @pytest.mark.slow
-def test_a_killed_chain_ends_with_the_bytes_of_an_undisturbed_one():
-    words = [sys.executable, str(SCRIPT), "--only", "chain", "--random", "1"]
-    words += ["--failpoints", "receipt,checkpoint"]
-    ended = subprocess.run([*words, "--once"], capture_output=True, text=True, check=False)
+def test_killed_commands_end_with_the_bytes_of_undisturbed_ones():
+    words = [sys.executable, str(SCRIPT), "--step", "40", "--random", "1"]
+    words += ["--only", "captions$|train-head$|evaluate$"]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert "3 killed, 0 ended otherwise than undisturbed" in ended.stdout
+    found = re.search(r"(\d+) trials, (\d+) killed, 0 ended otherwise", ended.stdout)
+    assert found and int(found[1]) == int(found[2]) >= 9, ended.stdout
