@@ -2,7 +2,7 @@
 
 import hashlib
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 
 from ..common.errors import RsaDataError
 from ..store import schemas
+from ..store.tables import Table
 
 # Bytes of an id's digest: what stays in memory of each sample.
 _DIGEST = 16
@@ -19,6 +20,29 @@ def id_digests(ids: pa.ChunkedArray) -> np.ndarray:
     """16 bytes of each sample_id's BLAKE2b, S16 (n,): equal where the ids are."""
     made = (hashlib.blake2b(i.encode(), digest_size=_DIGEST).digest() for i in ids.to_pylist())
     return np.frombuffer(b"".join(made), f"S{_DIGEST}")
+
+
+def check_once(samples: Table, numbers: Sequence[int]) -> None:
+    """Raises RsaDataError when a sample stands twice in these parts of samples.
+
+    Index never writes that; damage, and indexes that versions before 0.2 wrote at once, may.
+    """
+    parts = [id_digests(samples.read(n, ["sample_id"])["sample_id"]) for n in numbers]
+    if not parts:
+        return
+    order = np.argsort(whole := np.concatenate(parts), kind="stable")
+    again = np.flatnonzero(whole[order[1:]] == whole[order[:-1]])
+    if len(again):
+        ends = np.cumsum([len(part) for part in parts])
+        pair = order[(place := again[np.argmin(order[again])]) : place + 2]
+        first, second = np.searchsorted(ends, pair, side="right")
+        row = int(pair[0] - (ends[first] - len(parts[first])))
+        found = samples.read(numbers[first], ["sample_id"])["sample_id"][row].as_py()
+        raise RsaDataError(
+            f"{samples}: expected each sample once; found {found} in part {numbers[first]} and in "
+            f"part {numbers[second]}, and {len(again) - 1} more such pairs. Index the dataset into "
+            "another work dir"
+        )
 
 
 class FoundSamples:

@@ -133,7 +133,9 @@ def _measure(
     depth = np.where(np.isfinite(depth), depth, 0).astype(np.float32)
     height, width = depth.shape
     y = at_size(relative, height, width)
-    valid = (depth > dataset.min_depth) & (depth < dataset.max_depth)
+    # What float16 cannot hold would be stored as 0 m, or as a few digits.
+    nearest = max(dataset.min_depth, _FLOAT16_MIN)
+    valid = (depth > nearest) & (depth < dataset.max_depth)
     valid &= dataset.train_mask(height, width) & ~np.isnan(y)
     if not valid.any():
         found = depth[depth > 0]
@@ -141,7 +143,7 @@ def _measure(
             f"it goes from {found.min():g} to {found.max():g} m" if len(found) else "it has none"
         )
         raise RowError(
-            f"no valid pixel: no ground truth between {dataset.min_depth:g} and "
+            f"no valid pixel: no ground truth between {nearest:g} and "
             f"{dataset.max_depth:g} m inside the mask where the relative depth is defined; {there}"
         )
     largest = np.nanmax(np.abs(y))

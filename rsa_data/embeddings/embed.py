@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 
 from .. import registry
 from ..common import progress
+from ..common.digests import file_sha256
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import accepts_old_names
 from ..common.ranges import AtOnce
@@ -208,7 +209,23 @@ def _runners(
         precision = runtime.native_precision(wanted, device)
     where = runtime.choose(precision, wanted, device)
     paths = files(encoder=encoder, encoder_weights=encoder_weights)
-    return runtime.runners(_encoder(encoder).load(paths), paths, precision, where, threads)
+    model = _encoder(encoder).load(paths)
+    return runtime.runners(model, _sources(encoder, paths), precision, where, threads)
+
+
+def _sources(encoder: str, paths: dict[str, Path]) -> dict[str, str]:
+    """What an encoder is made of: its name, code that is not this package's, and its files.
+
+    Two encoders may share their files, or have none.
+    """
+    name, argument = registry.ENCODERS.split(encoder)
+    about = {"encoder": "hf" if name.startswith("hf-") else name} | _code(name)
+    digests = {f"file {key}": file_sha256(str(path)) for key, path in paths.items()}
+    return about | digests | ({} if paths else {"argument": argument})
+
+
+def _code(name: str) -> dict[str, str]:
+    return {} if name.startswith("hf-") else registry.ENCODERS.source(name) or {}
 
 
 def _all(run: Run, model: TextModel, ids: Ids) -> np.ndarray:

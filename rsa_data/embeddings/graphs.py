@@ -29,7 +29,8 @@ _TOLERANCE = 1e-5
 def graph(model: TextModel, sources: dict[str, str], *, int8: bool = False) -> Path:
     """The graph of an encoder, from the cache or made now.
 
-    sources : what the weights are, by name (sha256 of their files); decides the place in the cache.
+    sources : what the encoder is made of, by name (its code, sha256 of its files); decides the
+        place in the cache.
     int8 : weights rounded to 8 bits, activations at run time by their range in the batch.
 
     Raises RsaDataError when the extra `export` is missing, when the graph does not compute what

@@ -3,10 +3,8 @@
 import ctypes
 from copy import deepcopy
 from dataclasses import replace
-from pathlib import Path
 from typing import Literal
 
-from ..common.digests import file_sha256
 from ..common.errors import UsageError
 from ..runner.cpu import cpu_type
 from .encoder import TextModel
@@ -77,14 +75,14 @@ def _can_export() -> bool:
 
 def runners(
     model: TextModel,
-    paths: dict[str, Path],
+    sources: dict[str, str],
     precision: Precision,
     where: tuple[str, str],
     threads: int,
 ) -> tuple[Run, TextModel, Run]:
     """How to run a model, the model with the batches that suit, and how to run it in float32.
 
-    paths : the files that the model was loaded from; a graph in the cache is theirs.
+    sources : what the model was made of, its code and its files; a graph in the cache is theirs.
     where : as `choose` gives it.
 
     Raises UsageError for a precision that the encoder is not run in.
@@ -92,7 +90,6 @@ def runners(
     if precision == "int8" and model.no_int8:
         raise UsageError(f"--precision int8: {model.no_int8}. Use --precision bfloat16 or float32")
     if where[0] == "onnx":
-        sources = {name: file_sha256(str(path)) for name, path in paths.items()}
         exact = in_onnx(graph(model, sources), threads)
         run = in_onnx(graph(model, sources, int8=True), threads) if precision == "int8" else exact
         return run, model, exact

@@ -9,6 +9,7 @@ import msgspec
 from .. import registry
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..datasets import index
+from ..datasets.found_samples import check_once
 from ..heads.belong import Source, Tables
 from ..heads.sources import sources as find_sources
 from ..runner.stages import again
@@ -128,7 +129,7 @@ def rules_of(
 def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]:
     """The parts of a split, see `split_of`, in order.
 
-    Raises RsaDataError where depth is not done for all.
+    Raises RsaDataError where depth is not done for all, or an image stands there twice.
     """
     split = split_of(split, name)
     samples, table = work.table(name, "samples"), work.table(name, depth)
@@ -138,6 +139,7 @@ def parts_of(work: WorkDir, name: str, depth: str, split: str) -> list[TestPart]
             f"{table}: {len(missing)} of {len(numbers)} parts of the {split} split are not done. "
             f"Run `{again(work, table, f' --split {split}')}`"
         )
+    check_once(samples, numbers)
     return [TestPart(work, name, n, depth) for n in numbers]
 
 

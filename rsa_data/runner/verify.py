@@ -7,6 +7,7 @@ from typing import Any
 
 from ..common.errors import RsaDataError
 from ..common.units import size
+from ..datasets.found_samples import check_once
 from ..store.receipts import is_table
 from ..store.table_names import KEPT
 from ..store.tables import Table, WorkDir
@@ -109,6 +110,7 @@ def _check_table(
     old = status.outdated(work, table)
     cpus, files = Counter[str](), set[str]()
     unfounded: list[int] = []
+    sound: list[int] = []
     for number in there:
         try:
             receipt = table.receipt(number)
@@ -122,6 +124,7 @@ def _check_table(
             found.append("its input has changed since: run the stage again")
         if manifest is not None and merged.get(number) != receipt:
             found.append("the manifest has another receipt: run the stage again")
+        sound += [] if found else [number]
         for text in found:
             yield f"{table} part {number}: {text}"
         cpus[receipt.cpu] += 1
@@ -131,6 +134,8 @@ def _check_table(
             f"{table}: part {_listed(unfounded)}: the fingerprint does not follow from _table.json "
             "and the inputs: one of them was edited. Use --start-over to make the table again"
         )
+    if table.name == "samples":
+        check_once(table, sound)
     if note := mixed(cpus):
         checked.notes.append(f"{table}: {note}")
     if manifest is not None and (strange := table.leftovers(files)):

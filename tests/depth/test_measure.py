@@ -368,3 +368,19 @@ def test_y_too_small_for_float16_fails(rooms):
     np.save(rooms / "y" / "a.npy", np.linspace(1e-8, 1e-7, 48).reshape(6, 8))
     (row,) = step(rooms)(samples(("a", "train", "a.jpg", "a.depth.png"))).to_pylist()
     assert "too small for float16" in row["error"]
+
+
+def test_ground_truth_too_small_for_float16_is_none(rooms):
+    def read(path):
+        depth = read_millimetres(path)
+        return np.where(np.arange(8) < 4, depth, depth * 1e-8)
+
+    anywhere = replace(ROOMS, read_depth=read, min_depth=0.0)
+    of_files = {"dataset": anywhere, "root": rooms, "depth_model": f"files:{rooms}/y"}
+    rows = samples(("a", "train", "a.jpg", "a.depth.png"))
+    (row,) = build(**of_files, pixels=64)(rows).to_pylist()
+    assert (row["status"], row["n_valid"]) == ("ok", 20)
+    assert np.frombuffer(row["metric"], "<f2").min() >= 1
+    nothing = replace(anywhere, read_depth=lambda path: read_millimetres(path) * 1e-8)
+    (row,) = build(**of_files | {"dataset": nothing})(rows).to_pylist()
+    assert "no ground truth between 6.10352e-05 and 10 m" in row["error"]

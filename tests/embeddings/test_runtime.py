@@ -46,6 +46,16 @@ def test_onnx_gives_the_features_of_torch():
         )
 
 
+def test_encoders_without_files_have_graphs_of_their_own(monkeypatch):
+    pytest.importorskip("onnxscript")
+    monkeypatch.setitem(registry.ENCODERS, "other", "tiny_encoders:OTHER")
+    expected, other = embedded(), embedded(encoder="other")
+    assert np.abs(expected - other).max() > 0.1
+    for encoder, wanted in (("tiny", expected), ("other", other)):
+        found = embedded(runtime="onnx", encoder=encoder)
+        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * np.abs(wanted).max())
+
+
 def test_bytes_follow_from_the_part_alone():
     once, again = embedded(), embedded()
     assert once.tobytes() == again.tobytes()

@@ -179,3 +179,10 @@ def test_the_interval_is_that_of_a_loop_over_draws():
     np.testing.assert_allclose([low, high], expected, atol=0.04)
     narrow = interval(values, np.arange(60).astype(str))
     assert (high - low > 1.5 * (narrow[1] - narrow[0])).all()
+
+
+def test_an_image_that_stands_in_two_parts_is_refused(work):
+    images(work, "nyuv2", 4, "test", first_part=2)
+    said = "each sample once; found nyuv2/test/000000 in part 1 and in part 2, and 3 more"
+    with pytest.raises(RsaDataError, match=said):
+        evaluate(work)

@@ -342,3 +342,22 @@ def test_a_broken_checkpoint_is_refused_and_start_over_helps(work):
     with pytest.raises(RsaDataError, match=r"checkpoint.safetensors: broken.*--start-over"):
         train_head(work, **FAST)
     assert train_head(work, start_over=True, **FAST).description["epochs_run"] == 6
+
+
+@pytest.mark.parametrize(("wrong", "found"), [(0.0, "0 m and"), (np.nan, "nan m and")])
+def test_depth_that_is_none_is_refused_with_table_and_row(work, wrong, found):
+    metric = np.full((120, 64), 2.0)
+    metric[70, 3] = metric[90, 5] = wrong
+    toy(work, "nyuv2", metric=metric)
+    said = rf"nyuv2/depth/files part 1: expected metric depth above 0 m.*found {found} .* in "
+    with pytest.raises(RsaDataError, match=said + "nyuv2/train/000070, and 1 more images"):
+        train_head(work, **FAST)
+    assert "head.json" not in {path.name for path in work.store.folder.rglob("heads/*/*")}
+
+
+def test_an_image_that_stands_in_two_parts_is_refused(work):
+    toy(work, "nyuv2")
+    toy(work, "nyuv2", n=60, first_part=3)
+    said = "each sample once; found nyuv2/train/000000 in part 0 and in part 3, and 59 more"
+    with pytest.raises(RsaDataError, match=said):
+        train_head(work, **FAST)

@@ -65,9 +65,9 @@ def randomize(model):
     return model.eval()
 
 
-def load(files) -> TextModel:
+def load(files, seed: int = 0) -> TextModel:
     """A tiny CLIP text encoder with random weights and CLIP's own tokenizer."""
-    torch.manual_seed(0)
+    torch.manual_seed(seed)
     tower = TextTower(width=128, heads=2, layers=2, dim=32).eval()
     with torch.no_grad():
         for name, parameter in tower.named_parameters():
@@ -77,3 +77,4 @@ def load(files) -> TextModel:
 
 
 TINY = Encoder("A tiny CLIP.", lambda argument, weights: {}, load)
+OTHER = Encoder("Another.", lambda argument, weights: {}, lambda files: load(files, seed=1))

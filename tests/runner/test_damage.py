@@ -9,7 +9,7 @@ import rooms
 
 from rsa_data.common.errors import RsaDataError
 from rsa_data.runner import runs, status, verify
-from rsa_data.store.tables import WorkDir
+from rsa_data.store.tables import Made, WorkDir
 
 CAPTIONS = "rooms/captions/occupancy"
 
@@ -205,3 +205,13 @@ def test_parts_of_several_types_of_cpu_are_noted(work):
     assert verify.verify(work, said.append) == 0
     assert "2 on x86_64 avx2; 1 on x86_64 avx2 avx512f" in said[0]
     assert "made on several types of CPU" in "\n".join(status.status(work))
+
+
+def test_a_sample_that_stands_in_two_parts_is_noticed(work):
+    table = work.table("rooms", "samples")
+    first, made = table.read(0), table.receipt(0)
+    fields = {name: getattr(made, name) for name in Made.__struct_fields__}
+    table.commit(1, first, Made(**fields), redo=True)
+    found = [line for line in problems(work) if "expected each sample once" in line]
+    assert len(found) == 1
+    assert f"found {first['sample_id'][0]} in part 0 and in part 1" in found[0]

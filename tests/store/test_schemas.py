@@ -123,6 +123,24 @@ def test_json_is_readable_and_the_same_for_the_same_value():
     assert encoding.fingerprint(value) == hashlib.sha256(text).hexdigest()
 
 
+@pytest.mark.parametrize(
+    ("array", "values"),
+    [
+        (pa.array([5, None, 7]), np.array([5, 0, 7], "<i8")),
+        (pa.array([0.5, None, -1.5], pa.float32()), np.array([0.5, 0, -1.5], "<f4")),
+        (pa.array([True, None, False]), np.array([1, 0, 0], "u1")),
+        (pa.array(["ab", None, "c"]), np.array([2, 0, 1], "<i8")),
+        (pa.array([b"ab", None, b"cd"], pa.binary(2)), np.frombuffer(b"ab\0\0cd", "u1")),
+    ],
+    ids=lambda value: str(getattr(value, "type", "")),
+)
+def test_the_digest_takes_a_null_for_an_invalid_zero(array, values):
+    sha = hashlib.sha256(f"('c', '{array.type}', [], 3)".encode())
+    sha.update(np.packbits([True, False, True]).tobytes())
+    sha.update(values.tobytes() + (b"abc" if array.type == pa.string() else b""))
+    assert schemas.digest(pa.table({"c": array})) == sha.hexdigest()
+
+
 def test_embedding_column_keeps_dtype_and_bits():
     features = np.random.default_rng(0).normal(size=(5, 7)).astype(np.float32)
     field, array = schemas.embedding_column(features)

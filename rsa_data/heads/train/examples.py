@@ -59,7 +59,8 @@ def side_by_side(rows: Sequence[np.ndarray]) -> np.ndarray:
 def read_part(work: WorkDir, source: Source, number: int, dataset: int) -> Examples:
     """The images of one part that are ok in every table, in the order of samples.
 
-    Raises RsaDataError when the tables of the part do not belong together.
+    Raises RsaDataError when the tables of the part do not belong together, or hold depth that is
+    none.
     """
     samples = work.table(source.dataset, "samples").read(number, ["sample_id"])
     table = work.table(source.dataset, source.depth)
@@ -74,10 +75,12 @@ def read_part(work: WorkDir, source: Source, number: int, dataset: int) -> Examp
     blocks = source.read(work, number)
     good = np.flatnonzero(np.all([measured >= 0, *(block.there for block in blocks)], axis=0))
     fits = np.stack([_floats(depth[c]) for c in ("fit_scale", "fit_shift")], 1)
+    relative, metric = (_pixels(depth[c])[measured[good]] for c in ("relative", "metric"))
+    _check(f"{table} part {number}", samples["sample_id"], good, relative, metric)
     return Examples(
         inputs=tuple(block.take(good) for block in blocks),
-        relative=_pixels(depth["relative"])[measured[good]],
-        metric=_pixels(depth["metric"])[measured[good]],
+        relative=relative,
+        metric=metric,
         fit=fits[measured[good]],
         share=_share(depth, table.description().options.get("crop"))[measured[good]],
         dataset=np.full(len(good), dataset),
@@ -126,6 +129,22 @@ def _pixels(column: pa.ChunkedArray) -> np.ndarray:
     ends = np.frombuffer(offsets, np.int32, len(array) + 1, array.offset * 4)
     found: np.ndarray = np.frombuffer(data, "<f2")[ends[0] // 2 : ends[-1] // 2]
     return found.reshape(len(array), -1)
+
+
+def _check(
+    where: str, ids: pa.ChunkedArray, rows: np.ndarray, relative: np.ndarray, metric: np.ndarray
+) -> None:
+    """Raises RsaDataError for images with pixels of no ground truth or no relative depth."""
+    there = (metric > 0) & np.isfinite(metric) & np.isfinite(relative)
+    wrong = np.flatnonzero(~there.all(1))
+    if len(wrong):
+        image, pixel = wrong[0], np.flatnonzero(~there[wrong[0]])[0]
+        raise RsaDataError(
+            f"{where}: expected metric depth above 0 m and a number of relative depth at every "
+            f"pixel; found {metric[image, pixel]:g} m and {relative[image, pixel]:g} in "
+            f"{ids[int(rows[image])].as_py()}, and {len(wrong) - 1} more images with such pixels. "
+            "Make the table again with --start-over"
+        )
 
 
 def _share(depth: pa.Table, crop: str | None) -> np.ndarray:

@@ -10,6 +10,7 @@ from ... import registry
 from ...common.errors import RsaDataError, UsageError, unknown
 from ...datasets import index
 from ...datasets.dataset import Dataset
+from ...datasets.found_samples import check_once
 from ...store.tables import WorkDir
 from .. import belong
 from ..belong import Source, Tables
@@ -122,6 +123,7 @@ def _parts(work: WorkDir, source: Source, dataset: Dataset) -> Parts:
             f"{source.dataset}: expected training images; found only the test splits "
             f"{', '.join(sorted(set(splits.values())))}, which no training may read"
         )
+    check_once(samples, [*chosen["train"], *chosen["validation"]])
     names = sorted({splits[number] for number in chosen["validation"]})
     return Parts(chosen["train"], chosen["validation"], " and ".join(names))
 
