@@ -6,7 +6,9 @@
 Every run is a process of its own; rounds of all ways alternate; figures are medians. What is
 compared are CPU seconds of whole processes (start, reading and writing included) and of the work
 alone, so that other work on the machine counts little; with one thread they add up to the time on
-a free core. Both sides get the same files and threads, and what they find is compared.
+a free core. With more threads it is wall seconds of whole processes too, which mean something on
+free cores alone; those tables have names of their own. Both sides get the same files and threads,
+and what they find is compared.
 
 --peer-python : a Python with the packages of the extra `peers`; some of them want other versions
     of packages than this project, so that a virtual environment of its own is the safe way.
@@ -16,6 +18,7 @@ a free core. Both sides get the same files and threads, and what they find is co
 """
 
 import argparse
+import compileall
 import importlib
 import json
 import math
@@ -24,6 +27,7 @@ import subprocess
 import sys
 import tempfile
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +36,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import recording
 from peer_rows.ways import Given, Row, Run
+
+import rsa_data
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 ROWS = {
@@ -51,6 +57,8 @@ _COLUMNS = (
     "times the best peer",
     "CPU s, work alone",
     "times the best peer (work alone)",
+    "wall s, whole",
+    "times the best peer (wall)",
     "peak MB",
     "result",
 )
@@ -69,6 +77,8 @@ def main() -> None:
     parser.add_argument("--shared", type=Path, default=SHARED)
     parser.add_argument("--folder", type=Path, help="where prepared work stays between runs")
     given = parser.parse_args()
+    # As pip does when it installs a package; a checkout may have no bytecode.
+    compileall.compile_dir(Path(rsa_data.__file__).parent, quiet=1)
     if unknown := set(given.rows.split(",")) - set(ROWS):
         sys.exit(f"--rows: expected some of {', '.join(ROWS)}; found {', '.join(unknown)}")
     place: Any = (
@@ -88,6 +98,8 @@ def main() -> None:
                 {"minilm": given.minilm, "images": given.texts_of},
             )
             row: Row = getattr(importlib.import_module(f"peer_rows.{module}"), function)(how)
+            if given.threads > 1:
+                row = replace(row, title=f"{row.title}, {given.threads} threads")
             measure(row, given)
 
 
@@ -98,7 +110,7 @@ def measure(row: Row, given: argparse.Namespace) -> None:
     for number in range(given.rounds):
         for way in row.ways:
             run: Run = way.run()
-            runs.setdefault(way.name, []).append([run.cpu, run.steady, run.megabytes])
+            runs.setdefault(way.name, []).append([run.cpu, run.steady, run.wall, run.megabytes])
             found[way.name] = run.found
             print(f"{row.title}, round {number + 1}: {way.name}: {run.cpu:.1f} s of CPU, "
                   f"{run.steady:.1f} s the work alone, {run.wall:.0f} s", flush=True)  # fmt: skip
@@ -139,7 +151,8 @@ def earlier(row: Row) -> dict[str, list[list[float]]]:
     file = recording.RESULTS / "peers.json"
     content = json.loads(file.read_text()) if file.is_file() else {}
     runs: dict[str, list[list[float]]] = content.get(row.title, {}).get("runs", {})
-    return {way.name: runs.get(way.name, []) for way in row.ways}
+    # A run of an older version has no wall seconds.
+    return {way.name: [r for r in runs.get(way.name, []) if len(r) == 4] for way in row.ways}
 
 
 def table(
@@ -164,7 +177,9 @@ def table(
             times(0, medians[way.name][0]),
             None if math.isnan(medians[way.name][1]) else round(medians[way.name][1], 2),
             times(1, medians[way.name][1]),
-            round(medians[way.name][2]),
+            round(medians[way.name][2], 2),
+            times(2, medians[way.name][2]),
+            round(medians[way.name][3]),
             agree[way.name],
         ]
         for way in row.ways

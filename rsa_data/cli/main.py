@@ -1,5 +1,6 @@
 """The command line: one group, whose commands are loaded when they are called."""
 
+import sys
 import warnings
 from importlib import import_module
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import click
 
 from .. import registry
-from ..common import entries
+from ..common import entries, pandas_later
 from ..common.errors import unknown
 from ..common.options import RenamedOption
 from . import console, process
@@ -80,6 +81,8 @@ def load(name: str) -> click.Command:
     else:
         module, attribute = COMMANDS[name][0].split(":")
         command = getattr(import_module(module), attribute)
+    if "pyarrow" in sys.modules:
+        pandas_later.install()
     return command
 
 

@@ -11,6 +11,7 @@ import errno
 import io
 import re
 from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -37,6 +38,17 @@ _HEADER = 1 << 16
 
 # Why a row fails whose file is not there.
 MISSING = "no such file"
+
+# How a file begins, and the kind of Pillow's that reads it.
+_MAGIC = {
+    b"\xff\xd8\xff": "Jpeg",
+    b"\x89PNG\r\n\x1a\n": "Png",
+    b"RIFF": "WebP",
+    b"BM": "Bmp",
+    b"GIF8": "Gif",
+    b"II*\0": "Tiff",
+    b"MM\0*": "Tiff",
+}
 
 _KINDS = "a JPEG, PNG, WebP, BMP, GIF or TIFF image"
 
@@ -144,26 +156,12 @@ def _open(file: BinaryIO) -> ImageFile:
     The classes stand here, instead of Image.open, because its limit on pixels is global to the
     process and it tries every format it knows.
     """
-    from PIL.BmpImagePlugin import BmpImageFile
-    from PIL.GifImagePlugin import GifImageFile
-    from PIL.JpegImagePlugin import JpegImageFile
-    from PIL.PngImagePlugin import PngImageFile
-    from PIL.TiffImagePlugin import TiffImageFile
-    from PIL.WebPImagePlugin import WebPImageFile
-
-    magic: dict[bytes, type[ImageFile]] = {
-        b"\xff\xd8\xff": JpegImageFile,
-        b"\x89PNG\r\n\x1a\n": PngImageFile,
-        b"RIFF": WebPImageFile,
-        b"BM": BmpImageFile,
-        b"GIF8": GifImageFile,
-        b"II*\0": TiffImageFile,
-        b"MM\0*": TiffImageFile,
-    }
     head = file.read(16)
     file.seek(0)
-    for start, kind in magic.items():
+    for start, name in _MAGIC.items():
         if head.startswith(start):
+            module = import_module(f"PIL.{name}ImagePlugin")
+            kind: type[ImageFile] = getattr(module, f"{name}ImageFile")
             try:
                 return kind(file)
             except Exception as error:  # see read_image
@@ -202,7 +200,7 @@ def _rgb(image: ImageFile) -> np.ndarray:
         raise ValueError(f"expected 8 or 16 bits a channel, found mode {image.mode}")
     # Straight to RGB, Pillow warns of palettes with transparency.
     plain = image.convert("RGBA") if image.mode in ("P", "PA") else image
-    return np.asarray(plain.convert("RGB"))
+    return np.asarray(plain if plain.mode == "RGB" else plain.convert("RGB"))
 
 
 def _orientation(image: ImageFile) -> int:

@@ -1,5 +1,6 @@
 """Decoders of dense detectors: a score and a box at every cell of some grids, then suppression."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,10 +39,12 @@ def suppress(box: np.ndarray, score: np.ndarray, number: np.ndarray, overlap: fl
     return order[alive]
 
 
-def grid(height: int, width: int, strides: list[int]) -> tuple[np.ndarray, np.ndarray]:
+@cache
+def grid(height: int, width: int, strides: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Column, row (float32 (n, 2)) and stride (float32 (n, 1)) of the cells of all strides.
 
     height, width : px, of the input; strides in the order of the model's output, rows outermost.
+    The arrays are shared: nobody may write to them.
     """
     cells, sizes = [], []
     for stride in strides:
@@ -57,7 +60,8 @@ def yolox(settings: dict[str, Any], table: ClassTable) -> Decoder:
     centre = (xy + cell) * stride, size = exp(wh) * stride, score = objectness * class
     (Megvii-BaseDetection/YOLOX, demo_utils.demo_postprocess).
     """
-    strides, threshold = settings.get("strides", [8, 16, 32]), settings["score_threshold"]
+    strides = tuple(settings.get("strides", (8, 16, 32)))
+    threshold = settings["score_threshold"]
 
     def decode(outputs: Outputs, geometry: Geometry) -> Found:
         rows = outputs["predictions"][0]  # (n, 5 + classes)
@@ -121,7 +125,8 @@ def nanodet(settings: dict[str, Any], table: ClassTable) -> Decoder:
     The distances left, top, right, bottom are the means of softmax over the bins, times s; the
     centre of a cell is cell * s + (s - 1) / 2 (RangiLyu/nanodet, NanoDetHead).
     """
-    strides, threshold = settings.get("strides", [8, 16, 32]), settings["score_threshold"]
+    strides = tuple(settings.get("strides", (8, 16, 32)))
+    threshold = settings["score_threshold"]
 
     def decode(outputs: Outputs, geometry: Geometry) -> Found:
         scores = np.concatenate([outputs[f"classes_{s}"][0] for s in strides])  # (n, classes)
@@ -129,8 +134,8 @@ def nanodet(settings: dict[str, Any], table: ClassTable) -> Decoder:
         cells, stride = grid(geometry.input_height, geometry.input_width, strides)
         if not len(scores) == len(bins) == len(cells):
             raise RsaDataError(
-                f"nanodet: expected {len(cells)} cells for strides {strides}; found {len(scores)} "
-                f"classes and {len(bins)} boxes"
+                f"nanodet: expected {len(cells)} cells for strides {list(strides)}; found "
+                f"{len(scores)} classes and {len(bins)} boxes"
             )
         number = scores.argmax(1)  # (n,)
         score = scores.max(1)

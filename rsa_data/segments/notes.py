@@ -47,7 +47,8 @@ def write(
         found += len(scores)
         low += pc.sum(pc.less(scores, _LOW)).as_py() or 0
     if total and images:
-        most = ", ".join(f"{name} {count / total:.0%}" for name, count in images.most_common(5))
+        often = sorted(images.items(), key=lambda item: (-item[1], item[0]))[:5]
+        most = ", ".join(f"{name} {count / total:.0%}" for name, count in often)
         classes = "1 class" if len(images) == 1 else f"{len(images)} classes"
         lines.append(f"{classes}; in most images: {most}")
     elif total:

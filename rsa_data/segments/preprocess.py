@@ -82,6 +82,8 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
     for key, choices in _CHOICES.items():
         if spec.get(key, choices[0]) not in choices:
             raise RsaDataError(f"{where}: [input] {unknown(key, spec[key], choices)}")
+    if spec.get("resample", "opencv") == "opencv":
+        import cv2  # noqa: F401  # here, so that the first image does not wait for it
     bgr, nhwc = spec.get("colour") == "BGR", spec.get("layout") == "NHWC"
     # (value * scale - mean) / std in one multiplication and one addition
     std = np.array(spec.get("std", [1.0] * 3), np.float64)
@@ -101,7 +103,9 @@ def preprocessor(spec: dict[str, Any], where: str) -> Preprocess:
         if used.shape != values.shape:
             values[:] = padding
         for channel in range(3):
-            np.multiply(pixels[:, :, channel], factor[channel], out=used[:, :, channel])
+            np.copyto(used[:, :, channel], pixels[:, :, channel])
+            if factor[channel] != 1:
+                used[:, :, channel] *= factor[channel]
             if offset[channel]:
                 used[:, :, channel] += offset[channel]
         return (values if nhwc else values.transpose(2, 0, 1))[None], geometry

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from ...common import progress
+from ...common import pandas_later, progress
 from ...common.errors import RsaDataError
 from ...store.tables import Description
 from .. import parts
@@ -108,6 +108,7 @@ def _without_interrupts() -> Iterator[None]:
 
 def _work(pipe: Connection, job: Job, description: Description, memory: int | None) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    pandas_later.install()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if memory is not None:
         threading.Thread(target=limit_memory, args=(memory,), daemon=True).start()
