@@ -16,6 +16,8 @@ from rsa_data.heads.belong import Source, features_of
 from rsa_data.heads.card import model_card
 from rsa_data.heads.checkpoint import ScaleHead, build_network
 from rsa_data.heads.inputs import kinds
+from rsa_data.heads.predict import calibration
+from rsa_data.heads.predict.asking import Asking
 from rsa_data.heads.predict.choices import Models
 from rsa_data.heads.predict.nouns import objects_in, text_of
 from rsa_data.heads.predict.objects import things
@@ -115,13 +117,21 @@ def test_a_photo_is_read_as_from_its_tables(made, name):
 
 
 def test_a_head_of_objects_reads_those_that_a_caption_names(made):
-    work, _, _ = made
+    work, here, _ = made
     (said,) = predict(work, head="objects", caption=("a desk, a chair and a lamp",))
     (listed,) = predict(work, head="objects", caption=("lamp; chair; desk",))
     assert said.scale == pytest.approx(listed.scale, rel=1e-6)
     assert "objects read: desk, chair, lamp" in said.notes
     (none,) = predict(work, head="objects", caption=("a beautiful evening somewhere far away",))
-    assert none.warnings == ["the caption names no object"]
+    assert none.warnings == ["the caption names no object that a class table has"]
+    (strange,) = predict(work, head="objects", caption=("a desk and a flubber",))
+    assert "in no class table, taken for the name of an object: flubber" in strange.notes
+    (strange,) = predict(work, head="objects", caption=("flubber",))
+    assert strange.warnings == none.warnings
+    (text,) = predict(work, head="text-objects", caption=("two chairs in an office",))
+    assert "objects read: chair, chair" in text.notes and text.plain()["notes"] == text.notes
+    (photo,) = predict(work, here / "photos/a.png", head="image", caption=("a desk",))
+    assert "this head reads the photo alone: the caption makes no difference" in photo.notes
     with pytest.raises(RsaDataError, match="reads the photo itself: give one"):
         predict(work, head="image-objects", caption=("a desk",))
     output = run("predict", "--head", "objects", "--caption", "two chairs", "--json",
@@ -161,6 +171,10 @@ def test_the_card_of_a_head_says_what_it_reads(made):
         ("three people walking past a parked car", "person person person car", [None] * 4),
         ("bed 13.5%, chair 2.0%", "bed chair", [0.135, 0.02]),
         ("An image.", "", []),
+        ("nothing here", "", []),
+        ("there is nobody in this empty place", "", []),
+        ("a room with a bed, no chairs and a lamp", "bed lamp", [None] * 2),
+        ("a desk without a chair", "desk", [None]),
     ],
 )  # fmt: skip
 def test_objects_are_read_from_a_caption(caption, names, shares):
@@ -176,6 +190,29 @@ def test_a_list_of_objects_reads_as_it_was_written():
 
 
 def test_a_photo_without_objects_has_no_things():
-    none = np.zeros(0, np.float32)
-    found = Segments((), none, none, none.astype(bool), None, 60, 40, center=none)
-    assert things(found) == ()
+    assert things(NONE) == ()
+
+
+NONE = Segments((), np.zeros(0), np.zeros(0), np.zeros(0, bool), None, 60, 40, center=np.zeros(0))
+
+
+def test_a_scene_in_which_nothing_was_found_is_a_guess(made):
+    work, _, _ = made
+    for name in ("objects", "text-objects"):
+        p = Asking(ScaleHead.load(work.store.folder / f"heads/{name}"))("An image.", NONE)
+        assert not p.unlike and any("no objects were found, so the head" in w for w in p.warnings)
+
+
+def test_objects_that_were_in_no_training_image_are_named(made):
+    """A head that keeps the names of its training objects, as train-head makes it."""
+    work, _, _ = made
+    (dataset,) = work.datasets()
+    plain = ScaleHead.load(work.store.folder / "heads/objects")
+    names = calibration.names([kinds.feed(HEADS["objects"][0]).read(work, dataset, 0).named()] * 2)
+    assert names is not None and len(names) == 2  # red and blue
+    ask = Asking(ScaleHead(plain.network, plain.description, plain.mean, plain.factor, names))
+    known, both, novel = (ask(text) for text in ("red, blue", "red, a chair", "two chairs"))
+    assert not known.unlike and not any("no image that" in w for w in known.warnings)
+    assert "in no image that the head was trained on: chair (1 of 2 classes)" in both.warnings
+    assert novel.unlike and not both.unlike
+    assert any("is not known" in note for note in Asking(plain)("red").notes)

@@ -81,6 +81,10 @@ class Objects:
     def distinct(self) -> np.ndarray:
         return self.names
 
+    def named(self) -> np.ndarray:
+        """An object of each distinct name, without its numbers: float32 (v, width)."""
+        return np.pad(self.names, ((0, 0), (0, len(NUMBERS))))
+
     def hidden(self, *, shares: bool = False, places: bool = False) -> Self:
         """The same objects, as if their shares or their places were not known."""
         numbers = self.numbers.copy()

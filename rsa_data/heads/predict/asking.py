@@ -1,5 +1,6 @@
 """A head with its encoders in memory, asked about photos and captions."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,12 +8,13 @@ import numpy as np
 
 from ...common.errors import UsageError
 from ..checkpoint import ScaleHead
-from ..inputs.scene import Scene
+from ..inputs.scene import Scene, Thing
 from ..reading import Reading
 from .from_captions import from_scenes
-from .nouns import objects_in, text_of
+from .nouns import objects_in
+from .novel import unseen
 from .objects import things
-from .prediction import Prediction
+from .prediction import NOTHING_FOUND, Prediction
 
 if TYPE_CHECKING:
     from ...segments.segments import Segments
@@ -49,22 +51,43 @@ class Asking:
         if "image" in self.kinds and image is None:
             raise UsageError("this head reads the photo itself: give one")
         notes, warnings, found = [], [], None
-        if "objects" in self.kinds and segments is not None:
+        if segments is not None:
             found = things(segments)
-        elif "objects" in self.kinds:
-            found, rest = objects_in(text or "")
-            notes.append(f"objects read: {text_of(found) or 'none'}")
-            notes += [f"not read as objects: {'; '.join(rest)}"] if rest else []
-            warnings += [] if found else ["the caption names no object"]
+        elif text is not None and self.kinds != ("image",):
+            caption = objects_in(text)
+            found = caption.things
+            notes += caption.notes
+            if len(caption.strange) == len({thing.name for thing in found}):
+                warnings.append("the caption names no object that a class table has")
+        elif text is not None:
+            notes.append("this head reads the photo alone: the caption makes no difference")
         scene = Scene(
             text if "text" in self.kinds else None,
-            found,
+            found if "objects" in self.kinds else None,
             image if "image" in self.kinds else None,
         )
         (p,) = from_scenes(self.head, [scene], self.read, self.style, spread)
-        p.caption = text
+        p.caption, p.words = text, (p.scale, p.shift)
+        if segments is not None and not found and "image" not in self.kinds:
+            p.unlike = False  # nothing is known, which is another thing
+            warnings.append(NOTHING_FOUND)
+        if found and self.kinds == ("objects",):
+            self._compare(p, found)
         p.notes += notes
         p.warnings += warnings
         if self.head.about.only_synthetic:
             p.warnings.append("the head was trained on synthetic scenes only; photos are not those")
         return p
+
+    def _compare(self, p: Prediction, found: Sequence[Thing]) -> None:
+        """Says which objects were in no training image."""
+        novel = unseen(self.head, self.read, found)
+        if novel is None:
+            p.notes.append("which objects this head was trained on is not known; train it again")
+        elif novel:
+            count = len({thing.name for thing in found})
+            p.unlike = len(novel) == count
+            p.warnings.append(
+                f"in no image that the head was trained on: {', '.join(novel)}"
+                + ("" if p.unlike else f" ({len(novel)} of {count} classes)")
+            )

@@ -10,6 +10,8 @@ from ..train.examples import Examples
 
 # Texts that stand for all texts of the training set, to measure from.
 REFERENCES = 1024
+# Distinct class names of objects that are kept at most; LVIS, the longest list here, has 1,203.
+NAMES = 4096
 
 
 def references(parts: list[np.ndarray]) -> np.ndarray:
@@ -18,6 +20,12 @@ def references(parts: list[np.ndarray]) -> np.ndarray:
     rows = np.linspace(0, len(features) - 1, min(len(features), REFERENCES)).astype(int)
     found: np.ndarray = features[rows].astype(np.float16)
     return found
+
+
+def names(parts: list[np.ndarray]) -> np.ndarray | None:
+    """Each distinct row of those of all parts, float16 (m, dim); None where they are too many."""
+    found = np.unique(np.concatenate(parts).astype(np.float16), axis=0)
+    return found if len(found) <= NAMES else None
 
 
 def distance(features: np.ndarray, references: np.ndarray, mean: np.ndarray) -> np.ndarray:
@@ -43,7 +51,8 @@ def calibrate(head: ScaleHead, validation: Examples) -> dict[str, Any]:
     """
     features = validation.rows(np.arange(len(validation)))
     said: dict[str, Any] = {}
-    if head.reference is not None:
+    # A head of objects keeps their names instead, see `novel`.
+    if head.reference is not None and "object_dim" not in head.about.sizes:
         far = np.quantile(distance(features, head.reference, head.mean.numpy()), 0.99)
         said["far"] = round(float(far), 4)
     # A head that has collapsed may say 0 or inf, as exp does of a large number.

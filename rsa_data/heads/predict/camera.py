@@ -44,6 +44,12 @@ class Camera:
         """Horizontal field of view, degrees."""
         return float(np.rad2deg(2 * np.arctan(self.width / 2 / self.fx)))
 
+    def plain(self) -> dict[str, float | int | str]:
+        """The same as values of JSON; fov : horizontal field of view, degrees."""
+        numbers = {"fov": self.view, "fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
+        rounded = {name: float(f"{value:.6g}") for name, value in numbers.items()}
+        return {"source": self.source, **rounded, "width": self.width, "height": self.height}
+
 
 def camera_of(path: Path | None, width: int, height: int, view: View = View()) -> Camera:
     """The camera of a photo of this size, px, as it is meant to be seen (EXIF rotation applied).

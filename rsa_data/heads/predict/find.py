@@ -48,7 +48,8 @@ def find(work: WorkDir, name: str | None) -> "ScaleHead":
         return ready.load(name)
     if path.suffix or "/" in name:
         raise RsaDataError(f"--head {name}: expected a head; there is no such file or folder")
-    raise unknown(f"head in {work.store.location} or among ready heads", name, _all(there))
+    where = f"head in {work.store.location} or among ready heads"
+    raise UsageError(f"{unknown(where, name, _all(there))}{_below(work)}")
 
 
 def in_work(work: WorkDir) -> list[str]:
@@ -64,6 +65,17 @@ def _all(there: list[str]) -> list[str]:
 def _choose(work: WorkDir, there: list[str]) -> UsageError:
     found = f"several: {', '.join(there)}" if there else "none"
     return UsageError(
-        f"--head: expected the name of a head; {work.store.location} holds {found}. Ready heads: "
-        f"{', '.join(ready.names())}. With known distances no head is needed: --known u,v,metres"
+        f"--head: expected the name of a head; {work.store.location} holds {found}."
+        f"{_below(work)} Ready heads: {', '.join(ready.names())}. With known distances no head is "
+        "needed: --known u,v,metres"
     )
+
+
+def _below(work: WorkDir) -> str:
+    """The heads of work dirs that lie in this one, as that of the demo does, in a sentence."""
+    said = ""
+    for entry in work.store.list("") if "://" not in work.store.location else []:
+        inner = WorkDir(f"{work.store.location.rstrip('/')}/{entry.rstrip('/')}")
+        if entry.endswith("/") and (found := in_work(inner)):
+            said += f" --work {inner.store.location} holds {', '.join(found)}."
+    return said

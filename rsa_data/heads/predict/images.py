@@ -118,10 +118,7 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
         name = models.depth_model or ("card" if models.depth_card else DEPTH_MODEL)
         return {"name": name, "geometry": None, "crop": "none"}
     if own == "files":
-        raise UsageError(
-            "predict: the head's relative depth came from files: give the photos' own with "
-            "--relative, from the same model at the same geometry"
-        )
+        raise UsageError(f"predict: {_from_files(about)}")
     if own not in registry.DEPTH_MODELS and models.depth_card is None:
         raise UsageError(
             f"predict: the head was trained for the depth model {own}, which cannot be run here: "
@@ -141,6 +138,25 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
         )
     way: dict[str, Any] = next(iter(ways.values()), {})
     return {"name": own, "geometry": way.get("geometry"), "crop": way.get("crop") or "none"}
+
+
+def _from_files(about: dict[str, Any]) -> str:
+    """Why a head whose relative depth came from files has none for a photo, and the way out."""
+    used = (about.get("datasets") or {}).values()
+    alone = (
+        "Known distances need no head: rsa-data predict PHOTO --known u,v,metres; docs/tutorial-own"
+        ".md trains a head on your own images"
+    )
+    if used and all(dataset.get("synthetic") for dataset in used):
+        return (
+            "the head was trained on rendered relative depth, and no depth model gives the like "
+            f"for a photo: its scale and shift fit rendered scenes only. {alone}"
+        )
+    return (
+        "the head's relative depth came from files, and which model made them is not known: give "
+        "the photo's own with --relative FILE (.npy, or 16-bit PNG as value / 65535), made by the "
+        f"same model at the same size of input. {alone}"
+    )
 
 
 def check_depth_file(about: dict[str, Any], model: str, models: Models) -> None:

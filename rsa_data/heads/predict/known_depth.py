@@ -219,23 +219,3 @@ def smooth(values: np.ndarray, frames: int) -> np.ndarray:
     first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, len(values))
     mean: np.ndarray = np.exp((logs[last] - logs[first]) / (last - first)).astype(np.float32)
     return mean
-
-
-def doubts(found: Fit) -> list[str]:
-    """A warning where the points that were used miss their own fit."""
-    worst = float(np.abs(found.residuals[found.used]).max(initial=0.0))
-    if worst <= _WRONG:
-        return []
-    return [
-        f"the known distances do not agree with the relative depth: the fit misses one by "
-        f"{worst:.0%}; check the pixels and the distances"
-    ]
-
-
-def told(found: Fit, metres: np.ndarray) -> list[str]:
-    """The residuals of a fit in words."""
-    parts = [
-        f"{z:g} m {residual:+.1%}{'' if used else ' (left out)'}"
-        for z, residual, used in zip(metres, found.residuals, found.used, strict=True)
-    ]
-    return [f"from known distances alone; residuals: {', '.join(parts)}"]

@@ -17,15 +17,36 @@ _BEFORE = re.compile(
     re.IGNORECASE,
 )
 _SHARE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s?%")
+# What stands behind these in a phrase is not in the picture ("no chairs", "without windows").
+_NOT = re.compile(r"\b(?:no|not|without|zero|neither|nor|never)\b", re.IGNORECASE)
+# A phrase with one of these words is not the name of a thing.
+_NO_NAME = re.compile(
+    r"\b(?:nothing|something|anything|everything|none|nobody|nowhere|empty|here|there|this|that)\b",
+    re.IGNORECASE,
+)
 _MOST_WORDS = 3  # of a name that is in no table
 _MOST_OBJECTS = 50  # of one count
 
 
 class Read(NamedTuple):
-    """What was read of a caption: its objects, and the phrases in which no object was found."""
+    """What was read of a caption.
+
+    things : its objects. rest : phrases in which no object was found. strange : names among the
+    things that no class table has.
+    """
 
     things: tuple[Thing, ...]
     rest: tuple[str, ...]
+    strange: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> list[str]:
+        """What was read, in words."""
+        said = [f"objects read: {text_of(self.things) or 'none'}"]
+        if self.strange:
+            names = ", ".join(self.strange)
+            said.append(f"in no class table, taken for the name of an object: {names}")
+        return said + ([f"not read as objects: {'; '.join(self.rest)}"] if self.rest else [])
 
 
 def objects_in(caption: str) -> Read:
@@ -34,19 +55,25 @@ def objects_in(caption: str) -> Read:
     Names are those of the class tables that the package ships, singular or plural, anywhere in the
     text; and in a list ("desk, office chair and lamp") any name of up to three words. A count ("two
     chairs", "2 chairs") stands for so many objects; a share ("bed 13%", "2 chairs occupy 8.00% of
-    the image") is divided among them.
+    the image") is divided among them. What stands behind "no" or "without" in its phrase is not
+    read.
     """
     found: list[Thing] = []
     rest: list[str] = []
+    strange: list[str] = []
     # What stands before "with" describes the place: a name in it must be a known one.
     place, *behind = _WITH.split(caption, maxsplit=1)
     listed = [(phrase, True) for phrase in _SIGNS.split(behind[0] if behind else place)]
     described = [(phrase, False) for phrase in _SIGNS.split(place)] if behind else []
     for phrase, in_list in (*described, *listed):
         text = _BEFORE.sub("", phrase.strip()).strip()
-        named = list(_named(phrase))
-        if not named and in_list and _reads_like_a_name(text):
+        denied = _NOT.search(phrase)
+        named = list(_named(phrase[: denied.start()] if denied else phrase))
+        if not named and in_list and not denied and _reads_like_a_name(text):
             named = [(class_names.clean(_SHARE.sub("", text)), 1)]
+            strange += [named[0][0]]
+        elif denied and named:
+            rest.append(phrase[denied.start() :].strip())
         if not named:
             rest += [text] if text else []
             continue
@@ -56,7 +83,7 @@ def objects_in(caption: str) -> Read:
         for name, count in named:
             each = None if part is None or part > 1 else part / count
             found += [Thing(name, each, None, bool(class_names.things([name])[0]))] * count
-    return Read(tuple(found), tuple(rest))
+    return Read(tuple(found), tuple(rest), tuple(dict.fromkeys(strange)))
 
 
 def text_of(things: Sequence[Thing]) -> str:
@@ -80,6 +107,8 @@ def _named(phrase: str) -> Iterator[tuple[str, int]]:
 
 def _reads_like_a_name(text: str) -> bool:
     words = _SHARE.sub("", text).split()
+    if _NO_NAME.search(text):
+        return False
     return 0 < len(words) <= _MOST_WORDS and any(c.isalpha() for word in words for c in word)
 
 

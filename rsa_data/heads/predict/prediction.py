@@ -15,6 +15,44 @@ UNLIKE = (
 )
 
 
+# Of a scene in which the segmenter found nothing, for a head that reads its objects only.
+NOTHING_FOUND = (
+    "no objects were found, so the head was told nothing of this scene: its scale and shift are a "
+    "guess; give --caption TEXT, a known point (--known u,v,metres) or other --segments"
+)
+
+
+@dataclass(frozen=True)
+class Known:
+    """A known distance and what came of it.
+
+    metres : as given. depth : of the result there, m. used : false where it was left out, since it
+    contradicts the others. pixel : column and row; None for an end of --range.
+    """
+
+    metres: float
+    depth: float
+    used: bool
+    pixel: tuple[float, float] | None
+
+    @property
+    def error(self) -> float:
+        """Relative error of the result there, + where it is too far."""
+        return self.depth / self.metres - 1
+
+    @property
+    def name(self) -> str:
+        """How a person finds it again."""
+        where = "" if self.pixel is None else f" at {self.pixel[0]:g},{self.pixel[1]:g}"
+        return f"{self.metres:g} m{where}"
+
+    def plain(self) -> dict[str, Any]:
+        """The same as values of JSON."""
+        u, v = self.pixel or (None, None)
+        return {"u": u, "v": v, "metres": _number(self.metres), "depth": _number(self.depth),
+                "residual": _number(self.error), "used": self.used}  # fmt: skip
+
+
 @dataclass
 class Prediction:
     """Scale and shift of a photo or a caption, and what follows from them.
@@ -25,7 +63,10 @@ class Prediction:
     unlike : the caption is farther from the training captions than 99% of those held out.
     notes : how the numbers came about. warnings : what may be wrong with them.
     depth : float32 (h, w), m, or None. image : uint8 (h, w, 3), RGB, or None.
-    objects : largest first. files : what was written. error : why this photo has no prediction.
+    segmenter : what looked for objects. objects : what it found, largest first; both None where
+    nothing looked for any. words : scale and shift of the head alone, before known distances
+    correct them; None without a head. known : these distances. files : what was written.
+    error : why this photo has no prediction.
     """
 
     caption: str | None
@@ -39,13 +80,16 @@ class Prediction:
     depth: np.ndarray | None = None
     image: np.ndarray | None = None
     camera: Camera | None = None
-    objects: list[Seen] = field(default_factory=list)
+    segmenter: str | None = None
+    objects: list[Seen] | None = None
+    words: tuple[float, float] | None = None
+    known: list[Known] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
     error: str = ""
 
     def copy(self) -> "Prediction":
         """Another one with lists of its own."""
-        return replace(self, notes=[*self.notes], warnings=[*self.warnings], objects=[], files=[])
+        return replace(self, notes=[*self.notes], warnings=[*self.warnings], known=[], files=[])
 
     @property
     def range(self) -> tuple[float, float, float] | None:
@@ -59,7 +103,7 @@ class Prediction:
     def lines(self) -> list[str]:
         """What a person reads of it."""
         if self.error:
-            return [f"{self.name}: {self.error}"]
+            return [f"{self.name}: {self.error.removeprefix(f'{self.name}: ')}"]
         shown = self.name or repr(self.caption)
         lines = [f"scale {self.scale:.6g}  shift {self.shift:.6g}  {shown}"]
         if self.name and self.caption is not None:
@@ -76,7 +120,7 @@ class Prediction:
             lines.append(
                 f"  depth: nearest {near:.2f} m, median {middle:.2f} m, farthest {far:.2f} m"
             )
-        lines += [f"  {one.line}" for one in self.objects]
+        lines += [f"  {one.line}" for one in self.objects or ()]
         if self.camera is not None:
             lines.append(
                 f"  camera: {self.camera.source}, horizontal field of view "
@@ -90,21 +134,33 @@ class Prediction:
         return [*([UNLIKE] if self.unlike else []), *self.warnings]
 
     def plain(self) -> dict[str, Any]:
-        """The same as values of JSON: null where something is not known."""
-        found = self.range
+        """The same as values of JSON, see docs/metres.md: null where something is not known."""
+        found, words, spread = self.range, self.words, self.spread
         said: dict[str, Any] = {
             "image": self.name or None,
             "caption": self.caption,
             "scale": _number(self.scale),
             "shift": _number(self.shift),
+            "head": None
+            if words is None
+            else {"scale": _number(words[0]), "shift": _number(words[1])},
+            "spread": None
+            if spread is None
+            else {"scale": [*map(_number, spread[:2])], "shift": [*map(_number, spread[2:])]},
             "depth": None
             if found is None
             else dict(zip(("min", "median", "max"), map(_number, found), strict=True)),
-            "objects": [
+            "known": [one.plain() for one in self.known],
+            "camera": None if self.camera is None else self.camera.plain(),
+            "segmenter": self.segmenter,
+            "objects": None
+            if self.objects is None
+            else [
                 {"label": o.label, "area": _number(o.area), "distance": _number(o.distance)}
                 for o in self.objects
             ],
             "warnings": self.all_warnings,
+            "notes": self.notes,
             "files": [str(path) for path in self.files],
         }
         return said | ({"error": self.error} if self.error else {})

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...common.errors import RowError, RsaDataError, UsageError
-from ..metric import to_metric
 from ..reading import reads
 from . import known_depth, needs
 from .camera import camera_of
 from .choices import Hints, Models, View
-from .images import captions_of, describer, relative_map, relative_source
+from .distances import measure
+from .images import captions_of, describer, relative_map, relative_source, segmenter_of
 from .objects import seen
 from .photos import Photo
 from .prediction import Prediction
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from ..checkpoint import ScaleHead
     from .asking import Asking
 
-# Share of the pixels without a finite depth above which that is said.
-_HOLES = 0.01
 # Width over height of an equirectangular panorama.
 _PANORAMA = (1.98, 2.02)
 
@@ -163,8 +161,14 @@ class Run:
         else:
             self._measure(p, relative_map(source, photo.name, (height, width)))
         if segments is not None:
+            p.segmenter = str(segmenter_of(self.about, self.models)["segments"])
             p.objects = seen(segments, p.depth)
-            p.notes += [] if p.objects else ["no objects were found"]
+            p.notes += [] if p.objects else [f"no objects were found by {p.segmenter}"]
+        else:
+            p.notes.append("no objects: nothing looked for them (--segments NAME does)")
+
+    def _measure(self, p: Prediction, y: np.ndarray) -> None:
+        measure(p, y, self.hints, self.about.get("prior"), self.head is not None)
 
     def _with_map(self, p: Prediction) -> Prediction:
         """Depth of a map without its photo."""
@@ -172,34 +176,6 @@ class Run:
         p.camera = camera_of(None, y.shape[1], y.shape[0], self.view)
         self._measure(p, y)
         return p
-
-    def _measure(self, p: Prediction, y: np.ndarray) -> None:
-        at, metres = known_depth.points(y, self.hints.known)
-        if self.hints.range:
-            ends = known_depth.ends(y, self.hints.range)
-            at, metres = np.concatenate([at, ends[0]]), np.concatenate([metres, ends[1]])
-        if self.head is None:
-            found = known_depth.fit(at, metres)
-            holes = float(np.mean(to_metric(y, found.scale, found.shift) == np.inf))
-            if found.shift < 0 and holes > _HOLES and (at > 0).all():
-                why = (
-                    f"a shift below 0 would leave {holes:.0%} of the pixels without a finite depth"
-                )
-                found = known_depth.without_shift(found, at, metres, f"{why}: it is held at 0")
-            p.scale, p.shift = found.scale, found.shift
-            p.notes += known_depth.told(found, metres)
-            p.warnings += [found.assumption] if found.assumption else []
-            p.warnings += known_depth.doubts(found)
-        elif len(at):
-            p.notes.append(f"from words alone: scale {p.scale:.6g}, shift {p.shift:.6g}")
-            prior = self.about.get("prior")
-            p.scale, p.shift = known_depth.refine(p.scale, p.shift, at, metres, prior)
-        p.depth = to_metric(y, p.scale, p.shift)
-        blank, beyond = float(np.mean(np.isnan(p.depth))), float(np.mean(p.depth == np.inf))
-        if blank > _HOLES:
-            p.warnings.append(f"the depth model gives no depth for {blank:.0%} of the photo")
-        if beyond > _HOLES:
-            p.warnings.append(f"{beyond:.0%} of the photo has no finite depth")
 
 
 def _read(photo: Photo) -> np.ndarray:

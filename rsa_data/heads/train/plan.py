@@ -211,7 +211,12 @@ class Plan:
         names = [(registry.HEADS, self.model.head), (registry.LOSSES, self.goal.loss)]
         names += [(registry.INPUTS, kind) for kind in reads]
         found = [source for entries, name in names if (source := entries.source(name))]
+        # Since version 3 a head that reads objects alone holds their names.
+        objects = all(f.kind == "objects" for source in self.sources for f in source.inputs)
         code = {source["code"]: source["code_sha256"] for source in found}
         return Described(
-            options=self.options, inputs=self.digests, code=code if code else msgspec.UNSET
+            version=3 if objects else 2,
+            options=self.options,
+            inputs=self.digests,
+            code=code if code else msgspec.UNSET,
         )

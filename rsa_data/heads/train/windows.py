@@ -9,8 +9,9 @@ import torch
 from ...common.errors import RsaDataError
 from ...store.tables import WorkDir
 from .. import redescribed
+from ..inputs.objects import Objects
 from ..inputs.vectors import Vectors
-from ..predict.calibration import references
+from ..predict.calibration import names, references
 from .control_heads import controlled
 from .examples import Examples, join, read_part, select
 from .plan import Plan
@@ -31,8 +32,8 @@ class Windows:
         left_out images were not ok in every table; mean_depth is in m.
     how : how validation was chosen, a text for each dataset.
     inputs : of the validation examples: widths, and room for objects.
-    reference : float16 (m, dim), some of the training features, raw; None for a head that reads
-        more than one vector.
+    reference : float16 (m, dim), some of the training features, raw, or the names of a head that
+        reads objects alone; None for a head that reads more.
     typical : scale and shift to begin with: the median of the images' own positive fits, geometric
         mean over the datasets; 1 where there are none.
     """
@@ -137,6 +138,7 @@ class Windows:
         kept: list[Examples] = []
         moments: list[Moments] = []
         seen: list[np.ndarray] = []
+        named: list[np.ndarray] = []
         for i, n in self.held:
             train, held = self._split(i, n)
             self.left_out[i] += len(self.held[i, n]) - len(train) - len(held)
@@ -154,6 +156,8 @@ class Windows:
             if len(train.inputs) == 1 and isinstance(train.inputs[0], Vectors):
                 features = train.inputs[0].features
                 seen.append(features[:: -(-len(features) // _SEEN)])
+            elif len(train.inputs) == 1 and isinstance(train.inputs[0], Objects):
+                named.append(train.inputs[0].named())
             kept = [*kept, train] if sum(self.sizes.values()) <= self.limit else []
         self._check(validation)
         self.validation = join(validation)
@@ -161,7 +165,7 @@ class Windows:
         self.total, self.mean_depth = int(self.images.sum()), depth_sum / self.images
         self.pixels = self.validation.relative.shape[1]
         self.whole = join(kept, self.pixels) if len(kept) == len(self.sizes) else None
-        self.reference = references(seen) if seen else None
+        self.reference = references(seen) if seen else names(named) if named else None
         self.typical = _typical([np.concatenate(f) for f in fits])
         self.inputs = self.validation.inputs
         pairs = [moment.standard() for moment in moments]

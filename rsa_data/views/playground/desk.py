@@ -156,7 +156,7 @@ def of_file(models: Models, path: Path) -> Picture:
         source = relative_source(about, path.parent, models.files)
         y = _thin(relative_map(source, path.name, image.shape[:2]))
     except RsaDataError as error:
-        why.append(f"No depth: {error}")
+        why.append(f"No depth: {str(error).removeprefix('predict: ')}")
     camera = camera_of(path, image.shape[1], image.shape[0], models.view)
     return Picture(path.name, image, segments, caption, y, " ".join(why), None, camera)
 
