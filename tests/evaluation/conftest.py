@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 from evaluated import FAST, images
-from flat import train_head
+from flat import evaluate, train_head
 
 from rsa_data.store.tables import WorkDir
 
@@ -16,6 +16,21 @@ def trained(tmp_path_factory):
     images(work, "nyuv2", 16, "test", first_part=1)
     train_head(work, epochs=10, **FAST)
     return work.store.location
+
+
+@pytest.fixture(scope="session")
+def evaluated(trained, tmp_path_factory):
+    place = tmp_path_factory.mktemp("evaluated") / "work"
+    shutil.copytree(trained, place)
+    evaluate(WorkDir(place))
+    return place
+
+
+@pytest.fixture
+def measured(evaluated, tmp_path) -> WorkDir:
+    """A head with its evaluation."""
+    shutil.copytree(evaluated, tmp_path / "measured")
+    return WorkDir(tmp_path / "measured")
 
 
 @pytest.fixture

@@ -1,13 +1,16 @@
 """compare: one table of every input, with what surrounds it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from evaluated import images
 from flat import compare
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.evaluation.compare import merge_seeds
+from rsa_data.evaluation.compare import Recipe, merge_seeds
 from rsa_data.evaluation.contenders import inputs_of
+from rsa_data.heads.train.plan import Training
 from rsa_data.store.tables import Description, WorkDir
 
 TEXTS = [["a 0", "a 1", "a 2"], ["a 1", "a 2", "a 3"], ["a 2", "a 3", "a 0"], ["a 3", "a 0", "a 1"]]
@@ -81,6 +84,14 @@ def test_a_dataset_that_is_never_trained_on(work, found):
         assert methods[name][:2] == trained
         assert [m for m in methods[name] if "constant" in m] == [*constants, "joint constant"]
         assert not any("alone" in m for m in methods[name])
+
+
+def test_heads_of_a_comparison_are_trained_as_others_are():
+    own = {f.name: f.default for f in dataclasses.fields(Training)}
+    shared = {f.name: f.default for f in dataclasses.fields(Recipe)} | {"epochs": own["epochs"]}
+    assert {name: own[name] for name in shared.keys() & own} == {
+        name: shared[name] for name in shared.keys() & own
+    }
 
 
 def test_one_seed_needs_no_merging(found):

@@ -45,6 +45,20 @@ def test_least_squares_in_depth_equals_scipy(seed, max_depth):
     assert found == pytest.approx(expected, rel=1e-5)
 
 
+def test_least_squares_in_depth_begins_from_the_better_fit():
+    """Where the two begin in other valleys; found by drawing, and searched from both by SciPy."""
+    rng = np.random.default_rng(0)
+    apart = 0
+    for _ in range(200):
+        y, gt = rng.normal(2, 1, 12), rng.uniform(0.5, 9, 12)
+        starts = [fit(y, gt) for fit in (oracles.inverse_least_squares, oracles.median)]
+        better = min(starts, key=lambda fit: cost(y, gt, 10, fit))
+        found = cost(y, gt, 10, oracles.depth_least_squares(y, gt, 10))
+        assert found <= cost(y, gt, 10, better) * (1 + 1e-12)
+        apart += cost(y, gt, 10, starts[0]) > cost(y, gt, 10, starts[1])
+    assert 20 < apart < 180
+
+
 @given(st.integers(0, 2**32))
 @settings(deadline=None)
 def test_least_squares_in_depth_is_never_worse_than_the_other_fits(seed):
@@ -74,6 +88,13 @@ def test_a_constant_is_found_again():
         y = rng.uniform(low, high, 4000)
         groups.append((y, 1 / (0.4 * scale * y + 0.07), 80.0))
     assert constants.fit_constant(groups) == pytest.approx((0.4, 0.07), rel=1e-4)
+
+
+def test_a_constant_is_the_weighted_median_where_y_tells_nothing():
+    """The least sum of |d - z| / z over z is at their median weighted by 1 / z; L1's at theirs."""
+    group = (np.zeros(3), np.array([1.0, 3.0, 3.1]), 80.0)
+    assert 1 / constants.fit_constant([group])[1] == pytest.approx(1, rel=1e-4)
+    assert 1 / constants.fit_constant([group], relative=False)[1] == pytest.approx(3, rel=1e-4)
 
 
 def test_pixels_of_a_constant_are_spread_over_all_parts(tmp_path):

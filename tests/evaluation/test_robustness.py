@@ -7,8 +7,12 @@ from flat import evaluate, robustness, train_head
 from made_tables import DEPTH
 from msgspec.structs import replace
 
+from rsa_data.captions import write
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.common.options import RenamedOption, call
+from rsa_data.evaluation import robustness as robustness_module
 from rsa_data.evaluation.robustness import CHANGES, OBJECT_CHANGES
+from rsa_data.heads.inputs.objects import NUMBERS, Objects
 from rsa_data.runner import jobs, runs, stages
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir
@@ -123,7 +127,52 @@ def test_each_change_is_measured_on_every_image(work):
     for change, least in (("half deleted", 2), ("3 wrong added", 7)):
         other = ~np.isclose(by_method[change]["scale"], head["scale"], rtol=1e-6)
         assert other.sum() >= least
-    assert "rooms: nothing found:" in robustness(work).summary
+    summary = robustness(work).summary
+    assert "rooms: nothing found:" in summary and "rooms: plain:" not in summary
+
+
+def test_changes_are_options_of_captions_that_do_what_their_names_say():
+    ids = [f"rooms/train/000/{n:05d}" for n in range(400)]
+    given = rooms.segment_rows(ids), rooms.sample_rows(ids)
+    kept, added = {}, {}
+    plain = call(write.build, variants=2, max_tokens=0)(*given).to_pylist()
+    before = sum(row["n_objects"] for row in plain if row["variant"] == 1)
+    for name, (options, variant) in CHANGES.items():
+        made = call(
+            write.build, **{"variants": 2, "max_tokens": 0} | options | {"domain": "street"}
+        )
+        rows = [row for row in made(*given).to_pylist() if row["variant"] == variant]
+        kept[name] = sum(row["n_kept"] for row in rows) / before
+        added[name] = sum(row["n_objects"] for row in rows) - before
+    # Of 800 objects: 5 standard deviations of a half are 0.09; one object of each image is spared.
+    assert 0.5 < kept["half deleted"] < 0.5 + 0.09 + 0.1
+    assert 0.7 < kept["a fifth deleted"] < 0.9
+    assert kept["order swapped"] == kept["all replaced"] == kept["things only"] == 1
+    assert kept["background only"] == 0
+    assert [added[f"{n} wrong added"] for n in (1, 3)] == [400, 1200]
+
+
+def test_what_a_head_of_objects_is_told_less_of():
+    known = np.ones((2, len(NUMBERS)), np.float32)
+    objects = Objects(np.eye(2), np.array([0, 0]), known, np.array([0, 2]), np.ones(1, bool))
+    left = {}
+    for name, less in OBJECT_CHANGES.items():
+        found = less(objects)
+        told = dict(zip(NUMBERS, found.numbers.T, strict=True))
+        left[name] = (len(found.name), told["share known"].any(), told["place known"].any())
+    assert left == {
+        "places hidden": (2, True, False),
+        "shares and places hidden": (2, False, False),
+        "list of names": (1, False, False),
+    }
+
+
+def test_the_old_name_of_an_option_holds_for_one_version(work, tmp_path):
+    with (
+        pytest.warns(RenamedOption, match="--weights is now --encoder-weights"),
+        pytest.raises(RsaDataError, match="expected a head"),
+    ):
+        robustness_module.robustness(work, head="none", weights=tmp_path / "x")
 
 
 def test_a_control_does_not_read_descriptions(work):

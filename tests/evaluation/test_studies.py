@@ -15,12 +15,15 @@ from rsa_data.common.errors import UsageError
 from rsa_data.evaluation import breakdown, formats, paper, plots, spread
 from rsa_data.evaluation.contenders import plans
 from rsa_data.evaluation.inputs import TestPart
+from rsa_data.evaluation.metrics import metrics as known
 from rsa_data.evaluation.metrics_table import to_table
 from rsa_data.evaluation.scenes import one_description
 from rsa_data.evaluation.setting import rules_of
-from rsa_data.evaluation.summary import Row, summarise
+from rsa_data.evaluation.summary import Row, no_better, summarise
 from rsa_data.heads.belong import Source
 from rsa_data.heads.inputs import kinds
+from rsa_data.store import schemas
+from rsa_data.store.tables import Description, Made, WorkDir
 
 SOURCE = Source("void", "depth/files", (kinds.feed("embeddings/occupancy/minilm"),))
 
@@ -208,6 +211,20 @@ def test_the_spread_is_that_of_the_variants(work):
     assert found.error == pytest.approx(np.array(truth))
 
 
+def test_the_truth_of_an_image_with_few_pixels_is_one_pixel(work):
+    depth = np.zeros((4, 48))
+    depth[:, :3] = 1, 2, 4
+    images(work, "void", 4, "test", metric=depth, texts=[["a 0", "a 1", "a 2"]] * 4)
+    part = TestPart(work, "void", 0, "depth/files")
+
+    def head(features):
+        return np.zeros(len(features)), np.full(len(features), 0.5)
+
+    found = spread.spread([part], head, SOURCE, rules_of(work, "void", "rsa"), (1, 2))
+    middle = [gt[0, np.argsort(y[0, :3])[1]] for y, gt in maps(work, "void", 0)]
+    assert found.error == pytest.approx(np.log(2 / np.array(middle)))
+
+
 def test_calibration_of_bars_that_tell_the_truth():
     rng = np.random.default_rng(0)
     bar = rng.uniform(0.05, 0.5, 20_000)
@@ -301,12 +318,72 @@ def test_formats():
     assert latex.count(r"\midrule") == 2
 
 
-def test_plots_are_well_formed():
-    shown = plots.intervals(ROWS, "abs_rel", "A < B")
-    root = ElementTree.fromstring(shown)
-    assert "head & co" in {node.text for node in root}
-    lines = {"x": [{"bar": 0.1, "error": 0.2}, {"bar": 0.2, "error": 0.3}]}
-    ElementTree.fromstring(plots.calibration(lines, "t"))
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def drawn(text: str) -> tuple[list[tuple[str, float, float]], int]:
+    """The words of a plot with their places, and how many marks it has. Nothing lies outside."""
+    root = ElementTree.fromstring(text)
+    width, height = float(root.get("width")), float(root.get("height"))
+    words = [(n.text, float(n.get("x")), float(n.get("y"))) for n in root.iter(f"{SVG}text")]
+    assert all(0 <= x <= width and 0 <= y <= height for _, x, y in words)
+    assert max(x for _, x, _ in words) > width / 2 and max(y for *_, y in words) > height / 2
+    return words, sum("dot" in (n.get("class") or "").split() for n in root.iter())
+
+
+def test_a_plot_of_intervals_has_each_row_once():
+    rows = [*ROWS, replace(ROWS[0], dataset="b", method="other")]
+    words, marks = drawn(plots.intervals(rows, "abs_rel", "A < B"))
+    told = [word for word, *_ in words]
+    assert [told.count(name) for name in ("A < B", "head & co", "other", "0.100")] == [1, 1, 1, 2]
+    assert marks == 2
+    place = {word: y for word, _, y in words}
+    assert place["a_b"] < place["head & co"] < place["b"] < place["other"]
+
+
+def test_a_plot_of_calibration_has_a_line_and_a_name_for_each_dataset():
+    points = [{"bar": 0.1, "error": 0.2}, {"bar": 0.2, "error": 0.3}]
+    words, marks = drawn(plots.calibration({"x": points, "z": points[:1]}, "t"))
+    assert marks == 3 + 2  # points, and one beside each name
+    names = {word: (x, y) for word, x, y in words if word in ("x", "z")}
+    assert names["x"][0] == names["z"][0] and names["x"][1] < names["z"][1]
+
+
+def test_a_head_that_is_no_better_than_a_constant_is_named():
+    """The better of the two constants counts; equal is no better."""
+    errors = {"constant": 0.2, "constant (L1)": 0.3, "head": 0.2, "good": 0.19}
+    assert "d: head does not beat a constant" in no_better("d", errors, "head")
+    assert no_better("d", errors, "good") is None and no_better("d", errors, "none") is None
+    assert no_better("d", {"head": 0.9}, "head") is None
+
+
+def test_errors_by_what_the_plain_caption_says(tmp_path):
+    """Three images: one whose plain caption holds nothing, one a little, one everything."""
+    work = WorkDir(tmp_path)
+    plain = {"n_objects": [0, 2, 11], "area_kept": [0.0, 0.3, 0.9]}
+    columns = {
+        "sample_id": [i for i in "abc" for _ in range(2)],
+        "variant": [0, 1] * 3,
+        "text": ["x"] * 6,
+        "text_id": [b"0" * 16] * 6,
+        "n_tokens": [1] * 6,
+    }
+    for name, values in plain.items():  # the second variant of each: one object, all of its area
+        columns[name] = [v for value in values for v in (value, 1)]
+    columns |= {"n_kept": columns["n_objects"], "area": columns["area_kept"]}
+    table = work.table("d", "captions/x")
+    table.bind(Description(stage="captions", schema="captions"))
+    kept = schemas.from_columns("captions", columns)
+    table.commit(0, kept, Made(ok=3, failed=0, skipped=0, fingerprint="f"))
+    rows = [{"sample_id": i, "dataset": "d", "method": "m", "status": "ok"} for i in "abc"]
+    metrics = pd.DataFrame([row | dict.fromkeys(known(), k) for k, row in enumerate(rows)])
+    found = breakdown.by_description(work, "d", "captions/x", [0], metrics)
+    seen = {(r.by, r.value): (r.images, r.abs_rel) for r in found.itertuples()}
+    assert seen == {
+        ("objects", "0"): (1, 0), ("objects", "1 to 2"): (1, 1), ("objects", "11 and more"): (1, 2),
+        ("share covered", "to 25%"): (1, 0), ("share covered", "to 50%"): (1, 1),
+        ("share covered", "above"): (1, 2),
+    }  # fmt: skip
 
 
 def test_summary_of_nothing_that_could_be_measured():

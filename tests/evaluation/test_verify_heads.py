@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from flat import evaluate
 
 from rsa_data import ScaleHead
 from rsa_data.common.errors import RsaDataError
@@ -70,21 +69,22 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("kind", DAMAGE)
-def test_damage_to_heads_is_noticed(work, kind):
-    evaluate(work)
-    assert problems(work) == []
-    DAMAGE[kind](Path(work.store.location))
-    assert problems(work)
+def test_damage_to_heads_is_noticed(measured, kind):
+    DAMAGE[kind](Path(measured.store.location))
+    assert problems(measured)
 
 
-def test_an_evaluation_of_version_0_1_has_no_record(work):
-    evaluate(work)
-    place = Path(work.store.location) / HEAD / "evaluation" / "rsa"
+def test_whole_heads_have_no_problem(measured):
+    assert problems(measured) == []
+
+
+def test_an_evaluation_of_version_0_1_has_no_record(measured):
+    place = Path(measured.store.location) / HEAD / "evaluation" / "rsa"
     (place / "_evaluation.json").unlink()
     # As version 0.1 wrote it: without the note that a record belongs beside it.
     metrics = pq.read_table(place / "metrics.parquet").replace_schema_metadata(None)
     pq.write_table(metrics, place / "metrics.parquet")
-    assert problems(work) == []
+    assert problems(measured) == []
 
 
 def test_an_edited_head_is_not_loaded(work):
