@@ -14,8 +14,10 @@ from rsa_data import ScaleHead, depth_errors
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation import protocols
 from rsa_data.evaluation.inputs import TestPart
+from rsa_data.evaluation.methods import scaled
 from rsa_data.evaluation.metrics import metrics
 from rsa_data.evaluation.protocols import Rules
+from rsa_data.evaluation.rows import measure
 from rsa_data.evaluation.summary import interval
 from rsa_data.store.tables import WorkDir
 
@@ -179,6 +181,25 @@ def test_the_interval_is_that_of_a_loop_over_draws():
     np.testing.assert_allclose([low, high], expected, atol=0.04)
     narrow = interval(values, np.arange(60).astype(str))
     assert (high - low > 1.5 * (narrow[1] - narrow[0])).all()
+
+
+def test_what_is_behind_the_camera_is_near_or_far_as_asked(work):
+    """scale * y + shift < 0: as far as the protocol reaches, or, as released, as near."""
+    part = TestPart(work, "nyuv2", 1, "depth/files")
+    y, gt = next(maps(work, "nyuv2", 1))
+
+    def method(part):
+        return lambda image: scaled(image, -0.1, 0.45)
+
+    for beyond, there in (("far", 10.0), ("near", 1e-3)):
+        rules = Rules(protocols.whole, 1e-3, 10.0, beyond=beyond)
+        row = measure([part], {"m": method}, rules).to_pylist()[0]
+        inverse = -0.1 * y + 0.45
+        with np.errstate(divide="ignore"):
+            pred = np.where(inverse < 0, there, 1 / inverse)
+        assert ((gt > 0) & (inverse < 0)).sum() > 5 and ((inverse > 0) & (inverse < 1)).sum() > 5
+        expected = depth_errors(gt, pred, min_depth=1e-3, max_depth=10.0)
+        assert {m: row[m] for m in metrics()} == pytest.approx(expected)
 
 
 def test_an_image_that_stands_in_two_parts_is_refused(work):

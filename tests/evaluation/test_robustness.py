@@ -1,5 +1,7 @@
 """robustness: captions written anew from the same segments, with what is wrong in them."""
 
+import shutil
+
 import numpy as np
 import pytest
 import rooms
@@ -7,11 +9,14 @@ from flat import evaluate, robustness, train_head
 from made_tables import DEPTH
 from msgspec.structs import replace
 
+from rsa_data import ScaleHead
 from rsa_data.captions import write
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.common.options import RenamedOption, call
 from rsa_data.evaluation import robustness as robustness_module
-from rsa_data.evaluation.robustness import CHANGES, OBJECT_CHANGES
+from rsa_data.evaluation.robustness import CHANGES, OBJECT_CHANGES, other_captions
+from rsa_data.evaluation.setting import tables_of
+from rsa_data.heads.belong import Tables
 from rsa_data.heads.inputs.objects import NUMBERS, Objects
 from rsa_data.runner import jobs, runs, stages
 from rsa_data.store import schemas
@@ -179,6 +184,21 @@ def test_a_control_does_not_read_descriptions(work):
     train_head(work, name="shuffled", control="shuffled", split_scene=True, **FAST)
     with pytest.raises(UsageError, match="control"):
         robustness(work, head="shuffled")
+
+
+def test_other_captions_of_the_same_encoder_are_measured(work, tmp_path):
+    shutil.copytree(work.store.location, tmp_path / "work")
+    work = WorkDir(tmp_path / "work")
+    head = ScaleHead.load(tmp_path / "work" / "heads" / "head")
+    (source,) = tables_of(work, head.about, Tables(("rooms",))).values()
+    assert other_captions(work, head, source) == {}
+    for style, normalize in (("counts", False), ("classes", True)):
+        runs.run(rooms.captions_job(work, style=style, tokenizer="minilm"), bar=rooms.NoBar)
+        embed = stages.bind("embed", {"encoder": "minilm", "threads": 1, "normalize": normalize})
+        job = jobs.job(work, embed, "rooms", upstream=f"captions/{style}")
+        runs.run(job, bar=rooms.NoBar)
+    # Features of another length are not what the head was trained on.
+    assert list(other_captions(work, head, source)) == ["captions counts"]
 
 
 def test_captions_that_were_imported_cannot_be_changed(work, monkeypatch):
