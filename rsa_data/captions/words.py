@@ -3,9 +3,9 @@
 from collections.abc import Container
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 from ..common.class_names import clean
+from ..common.english import engine
 from .noun_exceptions import MASS, PAIRS, PLURAL, PLURALS
 
 
@@ -44,14 +44,14 @@ def word(label: str) -> Word:
             return Word(name, f"{amount} of {name}", "", name == "grits")
     # TVs, not TVS.
     other = _foreign(name) or not name[-1].islower()
-    plural = name + "s" if other else str(_engine().plural_noun(name))
+    plural = name + "s" if other else str(engine().plural_noun(name))
     return Word(name, plural, _article(name), False)
 
 
 @cache
 def number_word(number: int) -> str:
     """two, seventeen, twenty-one."""
-    return str(_engine().number_to_words(number))
+    return str(engine().number_to_words(number))
 
 
 def _find(name: str, nouns: Container[str]) -> str | None:
@@ -61,13 +61,6 @@ def _find(name: str, nouns: Container[str]) -> str | None:
     return next((ending for ending in endings if ending in nouns), None)
 
 
-@cache
-def _engine() -> Any:
-    import inflect
-
-    return inflect.engine()
-
-
 def _foreign(name: str) -> bool:
     return len(name) > _LONGEST or not name.isascii()
 
@@ -75,4 +68,4 @@ def _foreign(name: str) -> bool:
 def _article(name: str) -> str:
     if _foreign(name):
         return "a "
-    return str(_engine().a(name)).split(" ")[0] + " "
+    return str(engine().a(name)).split(" ")[0] + " "

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..common.class_names import ClassTable
+from ..common.english import engine
 from ..common.errors import RsaDataError, unknown
 
 CHOICES = ("omit", "stuff")
@@ -44,7 +45,5 @@ def require_some_single(entries: list[dict[str, Any]], crowd: str, where: str) -
 @cache
 def of_many(name: str) -> str:
     """`crowd of people`, `group of oranges`."""
-    import inflect
-
-    plural = inflect.engine().plural_noun(name) or name
+    plural = engine().plural_noun(name) or name
     return f"crowd of {plural}" if name == "person" else f"group of {plural}"

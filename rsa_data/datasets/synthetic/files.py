@@ -11,8 +11,11 @@ ROOT/panoptic.json              COCO panoptic annotations of all splits, written
 
 import io
 import json
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -76,11 +79,13 @@ def write(root: Path, recipe: Recipe, world: World, units: int) -> None:
             for scene in recipe.images()
             if not all((root / scene[0] / "records" / f"{key}.json").is_file() for key in scene[3])
         ]
-        shown = tqdm(todo, f"{recipe.name} render", unit=" scenes", leave=False, disable=None)
-        for split, place, number, keys in shown:
-            shots = shoot(world, (recipe.seed, place, number), len(keys))
-            for key, shot in zip(keys, shots, strict=True):
-                _write_shot(root, split, key, shot, units)
+        # A scene follows from its numbers alone, so they may be made side by side.
+        one = partial(_write_scene, root, recipe.seed, world, units)
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            done = pool.map(one, todo)
+            about: dict[str, Any] = {"unit": " scenes", "leave": False, "disable": None}
+            for _ in tqdm(done, f"{recipe.name} render", len(todo), **about):
+                pass
         files.write(root / PANOPTIC, _panoptic(root, recipe))
     except OSError as error:
         raise RsaDataError(
@@ -127,6 +132,15 @@ def _written_recipe(root: Path) -> dict[str, Any] | None:
         raise RsaDataError(
             f"{path}: expected JSON, found: {error}; delete the folder {root} to render it anew"
         ) from error
+
+
+def _write_scene(
+    root: Path, seed: int, world: World, units: int, scene: tuple[str, int, int, list[str]]
+) -> None:
+    split, place, number, keys = scene
+    shots = shoot(world, (seed, place, number), len(keys))
+    for key, shot in zip(keys, shots, strict=True):
+        _write_shot(root, split, key, shot, units)
 
 
 def _write_shot(root: Path, split: str, key: str, shot: Shot, units: int) -> None:

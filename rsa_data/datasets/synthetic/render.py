@@ -1,5 +1,6 @@
 """A ray caster for scenes of boxes, ellipsoids and gables: image, segment ids and metric depth."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -41,14 +42,16 @@ def render(
     for i, (solid, window) in enumerate(zip(solids, _windows(solids, camera), strict=True)):
         if window is None:
             continue
-        t, n = _CAST[solid.shape](
+        t, normals = _CAST[solid.shape](
             *_local(solid, camera.position, rays[(slice(None), *window)]),
             np.array(solid.half, np.float32)[:, None, None],
         )
         closer = t < depth[window]
-        depth[window][closer] = t[closer]
-        index[window][closer] = i
-        normal[(slice(None), *window)][:, closer] = n[:, closer]
+        if not closer.any():
+            continue
+        np.copyto(depth[window], t, where=closer)
+        np.copyto(index[window], i, where=closer)
+        normal[(slice(None), *window)][:, closer] = normals(closer)
     image = shade(solids, camera, rays, depth, index, normal, outdoors, rng)
     ids = np.array([s.segment for s in solids] + [0], np.int32)[index]
     return View(image, ids, depth)
@@ -95,36 +98,44 @@ def _local(
     return local[:, None, None], turned
 
 
-Hit = tuple[np.ndarray, np.ndarray]
-"""Depth (h, w), inf where missed, and local normal (3, h, w)."""
+Hit = tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]
+"""Depth (h, w), inf where missed; pixels, bool (h, w) with n set -> their local normal (3, n)."""
 
 
 def _cast_box(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
-    """Depth (h, w), inf where missed, and local normal (3, h, w): the slab method."""
+    """The slab method."""
     inverse = 1 / np.where(np.abs(rays) < 1e-9, np.float32(1e-9), rays)
     middle, reach = -origin * inverse, half * np.abs(inverse)
     near = middle - reach
     far = (middle + reach).min(0)
-    axis = near.argmax(0)
     t = near.max(0)
     t = np.where((t < far) & (t > _NEAR), t, np.float32(np.inf))
-    normal = np.where(axis == np.arange(3)[:, None, None], -np.sign(rays), np.float32(0))
-    return t, normal
+
+    def normals(pixels: np.ndarray) -> np.ndarray:
+        axis = near[:, pixels].argmax(0)
+        facing = -np.sign(rays[:, pixels])
+        return np.where(axis == np.arange(3)[:, None], facing, np.float32(0))
+
+    return t, normals
 
 
 def _cast_ellipsoid(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
-    """As _cast_box: the unit sphere after scaling by 1 / half."""
+    """The unit sphere after scaling by 1 / half."""
     o, d = origin / half, rays / half
     a, b, c = (d * d).sum(0), (o * d).sum(0), (o * o).sum(0) - 1
     root = b * b - a * c
     t = (-b - np.sqrt(np.maximum(root, 0))) / a
     t = np.where((root > 0) & (t > _NEAR), t, np.float32(np.inf))
-    normal = (o + np.where(np.isinf(t), np.float32(0), t) * d) / half
-    return t, normal / np.maximum(np.sqrt((normal * normal).sum(0)), 1e-9)
+
+    def normals(pixels: np.ndarray) -> np.ndarray:
+        normal = (o[..., 0] + t[pixels] * d[:, pixels]) / half[..., 0]
+        return np.asarray(normal / np.maximum(np.sqrt((normal * normal).sum(0)), 1e-9))
+
+    return t, normals
 
 
 def _cast_gable(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
-    """As _cast_box: clipping by the five faces of a triangular prism."""
+    """Clipping by the five faces of a triangular prism."""
     hx, hy, hz = half[:, 0, 0]
     length = np.hypot(2 * hz, hy)
     slope = (0, 2 * hz / length, hy / length)
@@ -142,7 +153,8 @@ def _cast_gable(origin: np.ndarray, rays: np.ndarray, half: np.ndarray) -> Hit:
         entry = np.where(later, t, entry)
         normal = np.where(later, n, normal)
         leave = np.where(speed > 0, np.minimum(leave, t), leave)
-    return np.where((entry < leave) & (entry > _NEAR), entry, np.float32(np.inf)), normal
+    t = np.where((entry < leave) & (entry > _NEAR), entry, np.float32(np.inf))
+    return t, lambda pixels: normal[:, pixels]
 
 
 _CAST = {BOX: _cast_box, ELLIPSOID: _cast_ellipsoid, GABLE: _cast_gable}
