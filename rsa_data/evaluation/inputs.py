@@ -13,6 +13,7 @@ from ..heads.inputs import kinds
 from ..heads.inputs.kinds import Block
 from ..heads.train.examples import side_by_side
 from ..store.tables import WorkDir
+from .oracles import Fits
 from .protocols import Rules
 
 
@@ -32,6 +33,11 @@ class Image:
     gt: np.ndarray
     valid: np.ndarray
     relative: np.ndarray
+
+    @cached_property
+    def fits(self) -> Fits:
+        """What its own ground truth makes of it."""
+        return Fits(self.y, self.gt)
 
 
 @dataclass(frozen=True)

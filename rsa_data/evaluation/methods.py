@@ -71,12 +71,12 @@ def by_constant(scale: float, shift: float) -> Method:
 
 
 def by_oracle(
-    fit: Callable[[np.ndarray, np.ndarray], tuple[float, float] | None],
+    fit: Callable[[Image], tuple[float, float] | None],
 ) -> Method:
     """The scale and shift that a fit to the image's own ground truth gives."""
 
     def predict(image: Image) -> Prediction:
-        found = fit(image.y, image.gt)
+        found = fit(image)
         if found is None:
             raise RowError("the relative depth leaves this fit open")
         return scaled(image, *found)
@@ -87,11 +87,9 @@ def by_oracle(
 def oracle_methods(max_depth: float) -> Mapping[str, Method]:
     """The three oracles by the names that tables give them."""
     return {
-        "median": by_oracle(oracles.median),
-        "linear fit": by_oracle(oracles.inverse_least_squares),
-        "linear fit in depth": by_oracle(
-            lambda y, gt: oracles.depth_least_squares(y, gt, max_depth)
-        ),
+        "median": by_oracle(lambda image: image.fits.median),
+        "linear fit": by_oracle(lambda image: image.fits.linear),
+        "linear fit in depth": by_oracle(lambda image: image.fits.in_depth(max_depth)),
     }
 
 

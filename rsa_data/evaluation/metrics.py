@@ -33,12 +33,24 @@ class Pixels:
     def ratio(self) -> np.ndarray:
         """max(gt / pred, pred / gt)."""
         ratio = self.pred / self.gt
-        return np.asarray(np.maximum(ratio, 1.0 / ratio))
+        other = 1.0 / ratio
+        return np.asarray(np.maximum(ratio, other, out=other))
 
     @cached_property
     def log(self) -> np.ndarray:
         """ln pred - ln gt."""
-        return np.asarray(np.log(self.pred) - np.log(self.gt))
+        log = np.log(self.pred)
+        return np.asarray(np.subtract(log, np.log(self.gt), out=log))
+
+    @cached_property
+    def relative(self) -> np.ndarray:
+        """(pred - gt) / gt."""
+        return np.asarray(self.difference / self.gt)
+
+    @cached_property
+    def square_log(self) -> float:
+        """Mean of the squares of log."""
+        return float(np.mean(self.log * self.log))
 
 
 @dataclass(frozen=True)
@@ -83,7 +95,7 @@ def _delta(power: int, short: bool = False) -> Metric:
         f"share of pixels with max(gt / pred, pred / gt) below 1.25^{power}",
         "higher",
         "Ladicky et al. 2014",
-        lambda p: np.mean(p.ratio < 1.25**power),
+        lambda p: np.count_nonzero(p.ratio < 1.25**power) / len(p.ratio),
         short=short,
     )
 
@@ -97,7 +109,7 @@ ABS_REL = Metric(
     "mean of |gt - pred| / gt",
     "lower",
     _EIGEN,
-    lambda p: np.mean(np.abs(p.difference / p.gt)),
+    lambda p: np.mean(np.abs(p.relative)),
     short=True,
 )
 SQ_REL = Metric(
@@ -106,7 +118,7 @@ SQ_REL = Metric(
     "mean of (gt - pred)^2 / gt",
     "lower",
     _EIGEN,
-    lambda p: np.mean(p.difference / p.gt * p.difference),
+    lambda p: np.mean(p.relative * p.difference),
     unit="m",
 )
 RMSE = Metric(
@@ -125,7 +137,7 @@ RMSE_LOG = Metric(
     "root of the mean of (ln gt - ln pred)^2",
     "lower",
     _EIGEN,
-    lambda p: np.sqrt(np.mean(p.log * p.log)),
+    lambda p: np.sqrt(p.square_log),
 )
 LOG10 = Metric(
     "log10",
@@ -143,7 +155,7 @@ SILOG = Metric(
     "lower",
     f"{_EIGEN}; KITTI benchmark",
     # Rounding can leave a tiny negative variance where all pixels are off by one factor.
-    lambda p: 100 * np.sqrt(max(np.mean(p.log * p.log) - p.log.mean() ** 2, 0.0)),
+    lambda p: 100 * np.sqrt(max(p.square_log - p.log.mean() ** 2, 0.0)),
     digits=2,
     short=True,
 )
@@ -230,8 +242,9 @@ def errors_of_valid(gt: np.ndarray, pred: np.ndarray) -> dict[str, float]:
 
 def clip(pred: np.ndarray, min_depth: float, max_depth: float) -> np.ndarray:
     """Depths brought into the range, m: inf becomes max_depth, nan min_depth; float64."""
-    pred = np.asarray(pred, np.float64)
-    return np.clip(np.where(np.isnan(pred), min_depth, pred), min_depth, max_depth)
+    pred = np.clip(np.asarray(pred, np.float64), min_depth, max_depth)
+    np.copyto(pred, min_depth, where=np.isnan(pred))
+    return pred
 
 
 def as_array(values: Any) -> np.ndarray:
