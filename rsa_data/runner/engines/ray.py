@@ -112,8 +112,10 @@ class _Worker:
 
     def begin(self) -> tuple[str, Any]:
         """Loads what the stage needs. Not in __init__, whose errors Ray reports as a death."""
+        from ...common import pandas_later
         from .. import parts
 
+        pandas_later.install()
         try:
             self.step = parts.build_step(self.given[0])
         except Exception as error:
