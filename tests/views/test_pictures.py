@@ -8,7 +8,13 @@ from PIL import Image
 
 from rsa_data.segments.segments import Segments
 from rsa_data.views.pictures import pictures
-from rsa_data.views.pictures.colours import NOTHING, depth_colours, error_colours, round_up
+from rsa_data.views.pictures.colours import (
+    NOTHING,
+    depth_colours,
+    error_colours,
+    range_of,
+    round_up,
+)
 from rsa_data.views.pictures.drawing import width_of, wrap
 
 RAMP = np.linspace(0.01, 1, 200)[None]
@@ -55,6 +61,30 @@ def test_what_is_beyond_the_scale_has_its_last_colour_and_what_is_nothing_is_gre
     assert (colours[3:] == NOTHING).all()
 
 
+@pytest.mark.parametrize(
+    ("nearest", "farthest", "ticks"),
+    [
+        (2.1, 3.9, (2, 2.5, 3, 3.5, 4)),
+        (0.03, 9.7, (0, 2, 4, 6, 8, 10)),
+        (0.42, 0.61, (0.4, 0.45, 0.5, 0.55, 0.6, 0.65)),
+        (6, 74, (0, 20, 40, 60, 80)),
+        (3, 3, (3, 3.01, 3.02, 3.03, 3.04, 3.05, 3.06)),
+    ],
+)
+def test_colours_run_over_the_depths_that_are_there_with_round_ticks(nearest, farthest, ticks):
+    """2% at each end are wild: they do not count."""
+    depth = np.linspace(nearest, farthest, 1000)
+    depth[:12], depth[-12:] = 1e-3, 500
+    depth = np.concatenate([depth, [0, np.nan, np.inf, -3]])
+    span = range_of(depth)
+    assert span.ticks == pytest.approx(ticks)
+    assert span.labels[0] == f"{ticks[0]:g} m" and len(span.ramp()) == 256
+    colours = depth_colours(np.array([[span.low, span.high, 500, np.nan]]), span.high, span.low)[0]
+    assert (colours[1] == colours[2]).all() and (colours[3] == NOTHING).all()
+    assert (span.ramp()[0] != NOTHING).any()
+    assert range_of(np.zeros(3)).ticks == (0, 1)
+
+
 def test_errors_of_the_two_signs_differ_and_none_is_nearly_white():
     near, none, far, nothing = error_colours(np.array([[-1.0, 0.0, 1.0, np.nan]]), 1.0)[0].astype(
         int
@@ -86,7 +116,7 @@ def test_text_is_wrapped_within_its_width_and_tells_when_it_is_cut():
 def test_a_contact_sheet_has_truth_and_prediction_on_one_scale():
     sheet = pictures.contact_sheet([prediction()], title="Title", note="A note.")
     # The right end of the truth is 9.7 m, the scale ends at 10 m; the prediction is 1 m more.
-    last = depth_colours(np.array([[10.0]]), 10.0)[0, 0]
+    last = depth_colours(np.array([[10.0]]), 10.0, 0.0)[0, 0]
     assert has(sheet, last)
     assert has(sheet, error_colours(np.array([[1.0]]), 1.0)[0, 0])
     assert has(sheet, NOTHING)

@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 
-from ..pictures.colours import depth_colours, round_up
+from ..pictures.colours import ENDS, depth_colours, range_of
 
 
 def npy(depth: np.ndarray) -> bytes:
@@ -34,22 +34,16 @@ def picture(pixels: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-def top_of(depth: np.ndarray) -> float:
-    """The depth at the bright end of the colours, m: most of the map lies below it."""
-    good = depth[np.isfinite(depth) & (depth > 0)]
-    return round_up(float(np.percentile(good, 98))) if len(good) else 1.0
-
-
 def coloured(depth: np.ndarray, longest: int = 1600) -> np.ndarray:
     """The map in colours with a bar in metres at its right, uint8 (h, w, 3), RGB.
 
     depth : float (h, w), m. longest : px of the map's longer side at most.
+    The colours run from the 2nd to the 98th percentile of the map, widened to round numbers.
     """
     from PIL import Image, ImageDraw
 
-    from ..pictures.drawing import PAPER, bar, width_of
+    from ..pictures.drawing import PAPER, SOFT, bar, font, width_of
 
-    top = top_of(depth)
     zoom = min(1.0, longest / max(depth.shape))
     height, width = (max(1, round(side * zoom)) for side in depth.shape)
     # The nearest pixels first: colours of 100 megapixels would take gigabytes.
@@ -57,12 +51,14 @@ def coloured(depth: np.ndarray, longest: int = 1600) -> np.ndarray:
         ((np.arange(n) + 0.5) * side / n).astype(int)
         for n, side in zip((height, width), depth.shape, strict=True)
     )
-    picture = depth_colours(depth[np.ix_(rows, columns)], top)
-    labels = ("0 m", f"{top / 2:g} m", f"{top:g} m")
-    margin = 44 + int(max(width_of(label, 13) for label in labels))
-    tall = max(height, 80)
+    thin = depth[np.ix_(rows, columns)]
+    span, said = range_of(thin), ENDS.rsplit(" ", 1)
+    margin = 44 + int(max(*(width_of(label, 13) for label in span.labels), width_of(said[0], 11)))
+    tall = max(height, 160)
     page = Image.new("RGB", (width + margin, tall), PAPER)
-    page.paste(Image.fromarray(picture), (0, 0))
-    scale = depth_colours(np.linspace(1e-6, top, 256)[None], top)[0]
-    bar(ImageDraw.Draw(page), width + 12, 8, tall - 16, scale, labels)
+    page.paste(Image.fromarray(depth_colours(thin, span.high, span.low)), (0, 0))
+    draw = ImageDraw.Draw(page)
+    bar(draw, width + 12, 8, tall - 48, span.ramp(), span.labels)
+    for k, line in enumerate(said):
+        draw.text((width + 12, tall - 34 + 14 * k), line, SOFT, font(11))
     return np.asarray(page)

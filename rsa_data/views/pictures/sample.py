@@ -9,7 +9,7 @@ from ...datasets.images import read_image
 from ...datasets.index import load_dataset
 from ...store.tables import WorkDir
 from ..report.samples import Sample, one
-from .colours import depth_colours, error_colours, round_up
+from .colours import depth_colours, error_colours, range_of, round_up
 from .pictures import save
 from .segments import draw_segments, segment_grid
 
@@ -49,13 +49,14 @@ def draw(work: WorkDir, sample_id: str, head: str | None, out: Path) -> list[str
 
 def _depths(sample: Sample, truth: np.ndarray) -> list[tuple[np.ndarray, str]]:
     """True depth, predicted depth on the same colours, and the difference."""
-    known = truth[truth > 0]
-    top = round_up(float(np.percentile(known, 98))) if len(known) else 1.0
-    cells = [(depth_colours(truth, top), f"true depth, 0 to {top:g} m")]
+    span = range_of(truth)
+    told = f"{span.low:g} to {span.high:g} m"
+    cells = [(depth_colours(truth, span.high, span.low), f"true depth, {told}")]
     if sample.predicted is not None:
         error = np.where(truth > 0, sample.predicted - truth, np.nan)
         there = np.abs(error[truth > 0])
         most = round_up(float(np.percentile(there, 98))) if len(there) else 1.0
-        cells.append((depth_colours(sample.predicted, top), f"predicted depth, 0 to {top:g} m"))
+        colours = depth_colours(sample.predicted, span.high, span.low)
+        cells.append((colours, f"predicted depth, {told}"))
         cells.append((error_colours(error, most), f"predicted - true, -{most:g} to {most:g} m"))
     return cells

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .colours import depth_colours, error_colours, round_up
+from .colours import ENDS, depth_colours, error_colours, range_of, round_up
 from .drawing import INK, PAPER, SOFT, bar, font, resized, width_of, wrap
 
 if TYPE_CHECKING:
@@ -47,12 +47,14 @@ def contact_sheet(samples: Sequence[Prediction], *, title: str, note: str = "") 
 
     title : the heading. note : a line below it.
 
-    The scale of a row ends at the next round number above 98% of its true depths, as rooms and
-    streets on one scale would show nothing of the rooms; errors are signed, and end likewise.
+    The scale of a row runs from the 2nd to the 98th percentile of its true depths, widened to round
+    numbers, as rooms and streets on one scale would show nothing of the rooms; errors are signed,
+    and end at the next round number above 98% of them.
     """
     from PIL import Image, ImageDraw
 
     width = 2 * _MARGIN + 4 * _CELL + 3 * _GAP + 2 * _SCALE
+    note = f"{note} Colours of depth: {ENDS} of the truth.".strip()
     notes = wrap(note, 15, width - 2 * _MARGIN, 3)
     head = _MARGIN + 34 + 21 * len(notes) + 40
     captions = [wrap(s.caption, _CAPTION, width - 2 * _MARGIN, _MOST_LINES) for s in samples]
@@ -97,21 +99,19 @@ def _row(
     draw.text((right - width_of(numbers, 14), y + 1), numbers, INK, font(14))
     y += 24
     there = sample.truth > 0
-    known = sample.truth[there] if there.any() else np.ones(1)
-    top = round_up(float(np.percentile(known, 98)))
+    span = range_of(sample.truth)
     error = np.where(there, sample.predicted - sample.truth, np.nan)
     most = round_up(float(np.percentile(np.abs(error[there]), 98))) if there.any() else 1.0
     cells = (
         resized(sample.image, _CELL, height),
-        resized(depth_colours(sample.truth, top), _CELL, height, smooth=False),
-        resized(depth_colours(sample.predicted, top), _CELL, height, smooth=False),
+        resized(depth_colours(sample.truth, span.high, span.low), _CELL, height, smooth=False),
+        resized(depth_colours(sample.predicted, span.high, span.low), _CELL, height, smooth=False),
         resized(error_colours(error, most), _CELL, height, smooth=False),
     )
     columns = _columns()
     for x, cell in zip(columns, cells, strict=True):
         canvas.paste(Image.fromarray(cell), (x, y))
     ramp = np.linspace(0, 1, 256)[None]
-    labels = ("0 m", f"{top / 2:g} m", f"{top:g} m")
-    bar(draw, columns[2] + _CELL + 8, y, height, depth_colours(ramp + 1e-9, 1.0)[0], labels)
+    bar(draw, columns[2] + _CELL + 8, y, height, span.ramp(), span.labels)
     labels = (f"-{most:g} m", "0 m", f"+{most:g} m")
     bar(draw, columns[3] + _CELL + 8, y, height, error_colours(2 * ramp - 1, 1.0)[0], labels)

@@ -11,12 +11,11 @@ from nicegui import app, events, run, ui
 
 from ...common.errors import RsaDataError
 from ...heads.predict.prediction import Prediction
-from ..depth_files.maps import top_of
-from ..pictures.colours import depth_colours
+from ..pictures.colours import ENDS, depth_colours, range_of
 from ..pictures.pictures import draw_segments
 from . import desk
 from .guard import Guard
-from .panels import GRID, Panel, bar, part
+from .panels import GRID, Bar, Panel, part
 from .ruler import Ruler
 from .space import Space
 
@@ -62,7 +61,7 @@ class Page:
                         "Appears with a photo that has relative depth.",
                         on_mouse=self._marked, cross=True,
                     )  # fmt: skip
-                    self.top = bar()
+                    self.bar = Bar()
                 self.range = ui.label().classes("text-sm")
             with part("Points in metres: drag to turn"):
                 self.space = Space()
@@ -187,11 +186,11 @@ class Page:
         if self.picture is None or self.picture.y is None:
             return
         depth = self.depth = desk.depth_of(self.picture, scale, shift)
-        seen, top = depth[np.isfinite(depth) & (depth > 0)], top_of(depth)
-        self.map.show(depth_colours(depth, top))
-        self.top.set_text(f"{top:g} m")
+        seen, span = depth[np.isfinite(depth) & (depth > 0)], range_of(depth)
+        self.map.show(depth_colours(depth, span.high, span.low))
+        self.bar.show(span.labels)
         low, middle, high = np.percentile(seen, [2, 50, 98]) if len(seen) else (0, 0, 0)
-        told = f"Most {low:.2f} to {high:.2f} m, median {middle:.2f} m."
+        told = f"Most {low:.2f} to {high:.2f} m ({ENDS}), median {middle:.2f} m."
         if self.picture.truth is not None:
             valid = (self.picture.truth > 0) & np.isfinite(depth)
             truth = self.picture.truth[valid]

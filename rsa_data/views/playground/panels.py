@@ -2,12 +2,13 @@
 
 import base64
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from nicegui import ui
 
-from ..pictures.colours import depth_colours
+from ..pictures.colours import Range
 
 # Side by side where there is room for three, below each other on a phone.
 GRID = (
@@ -51,14 +52,21 @@ class Panel:
         self.text.set_text("")
 
 
-def bar() -> ui.label:
-    """The colours of depth from 0 m upwards; gives the label of the upper end."""
-    colours = depth_colours(np.linspace(1e-6, 1, 9)[None], 1.0)[0]
-    stops = ",".join(f"rgb({r},{g},{b})" for r, g, b in colours.tolist())
-    with ui.column().classes("gap-1 justify-between text-xs shrink-0").style("width:3rem"):
-        top = ui.label()
-        ui.element("div").classes("grow").style(
-            f"width:0.8rem;min-height:{TALL // 2}px;background:linear-gradient(0deg,{stops})"
-        ).props('role=img aria-label="colours from near (dark) to far (bright)"')
-        ui.label("0 m")
-    return top
+class Bar:
+    """The colours of depth beside the map, bright and far at its top, with ticks in metres."""
+
+    def __init__(self) -> None:
+        colours = Range((0.0, 1.0)).ramp(9)
+        stops = ",".join(f"rgb({r},{g},{b})" for r, g, b in colours.tolist())
+        with ui.row(wrap=False).classes("gap-1 text-xs shrink-0 items-stretch"):
+            ui.element("div").style(
+                f"width:0.8rem;min-height:{TALL // 2}px;background:linear-gradient(0deg,{stops})"
+            ).props('role=img aria-label="colours from near (dark) to far (bright)"')
+            self.ticks = ui.column().classes("gap-0 justify-between").style("min-width:2.4rem")
+
+    def show(self, labels: Sequence[str]) -> None:
+        """Labels the ticks, given from near to far."""
+        self.ticks.clear()
+        with self.ticks:
+            for label in reversed(labels):
+                ui.label(label)

@@ -14,7 +14,7 @@ from ...common.html import Html, tag
 from ...datasets.images import read_image
 from ...segments.segments import Segments
 from ...store.tables import WorkDir
-from ..pictures.colours import depth_colours, error_colours, round_up
+from ..pictures.colours import depth_colours, error_colours, range_of, round_up
 from ..pictures.drawing import scatter
 from ..pictures.pictures import draw_segments
 from .samples import Sample, choose
@@ -52,7 +52,8 @@ def gallery(
         tag("p", f"{len(cards):,} samples, evenly over the parts, failed ones before others. Depth "
             "is shown where whole maps are stored, as for test splits; of training images the "
             "pixels that were drawn are shown, their relative depth against 1 / depth. Truth and "
-            "prediction of a sample have one scale of colours; errors are prediction - truth."),
+            "prediction of a sample have one scale of colours, from the "
+            "2nd to the 98th percentile of the truth; errors are prediction - truth."),
         _filters(samples),
         tag("p", f"{len(cards)} of {len(cards)} samples shown", id="shown", role="status"),
         tag("div", cards, class_="cards"),
@@ -169,10 +170,12 @@ def _maps(sample: Sample) -> list[Html]:
     if truth is None or not (truth > 0).any():
         return []
     valid = truth > 0
-    top = round_up(float(np.percentile(truth[valid], 98)))
+    span = range_of(truth)
+    ends = (f"{span.low:g}", f"{span.high:g} m")
     low, high = np.percentile(truth[valid], [2, 98])
-    found = [_map(depth_colours(truth, top), f"True depth, mostly {low:.2g} to {high:.2g} m",
-                  "true depth", "depth", ("0", f"{top:g} m"))]  # fmt: skip
+    found = [_map(depth_colours(truth, span.high, span.low),
+                  f"True depth, mostly {low:.2g} to {high:.2g} m",
+                  "true depth", "depth", ends)]  # fmt: skip
     if sample.predicted is None:
         return found
     predicted = np.where(np.isnan(sample.predicted), 0, np.minimum(sample.predicted, 1e4))
@@ -180,18 +183,18 @@ def _maps(sample: Sample) -> list[Html]:
     low, high = np.percentile(seen, [2, 98]) if len(seen) else (0, 0)
     error = np.where(valid & (predicted > 0), predicted - truth, np.nan)
     known = np.abs(error[np.isfinite(error)])
-    ends = round_up(float(np.percentile(known, 95))) if len(known) else 1.0
+    most = round_up(float(np.percentile(known, 95))) if len(known) else 1.0
     rel = float(np.nanmean(np.abs(error[valid]) / truth[valid])) if len(known) else float("nan")
-    found.append(_map(depth_colours(predicted, top),
+    found.append(_map(depth_colours(predicted, span.high, span.low),
                       f"Predicted depth, mostly {low:.2g} to {high:.2g} m",
-                      "predicted depth", "depth", ("0", f"{top:g} m")))  # fmt: skip
+                      "predicted depth", "depth", ends))  # fmt: skip
     found.append(
         _map(
-            error_colours(error, ends),
+            error_colours(error, most),
             f"Error of the depth; mean of |error| / depth is {rel:.3f}",
             f"error, AbsRel {rel:.3f}",
             "error",
-            (f"-{ends:g}", f"+{ends:g} m"),
+            (f"-{most:g}", f"+{most:g} m"),
         )
     )
     return found  # fmt: skip
@@ -202,15 +205,16 @@ def _points(sample: Sample, points: np.ndarray) -> list[Html]:
     y, metric = points[np.isfinite(points).all(1) & (points[:, 1] > 0)].T
     if not len(y):
         return []
-    top = round_up(float(np.percentile(metric, 98)))
-    pixels = scatter(y, 1 / metric, depth_colours(metric[None], top)[0], sample.fit)
+    span = range_of(metric)
+    colours = depth_colours(metric[None], span.high, span.low)[0]
+    pixels = scatter(y, 1 / metric, colours, sample.fit)
     low, high = np.percentile(metric, [2, 98])
     alt = (
         f"Relative depth (across) against 1 / depth (up) of {len(y):,} pixels, mostly {low:.2g} to "
         f"{high:.2g} m" + (", with the line of the image's own fit" if sample.fit else "")
     )
     return [_map(pixels, alt, f"{len(y):,} sampled pixels: y against 1 / depth", "depth",
-                 ("0", f"{top:g} m"))]  # fmt: skip
+                 (f"{span.low:g}", f"{span.high:g} m"))]  # fmt: skip
 
 
 def _map(pixels: np.ndarray, alt: str, name: str, ramp: str, ends: tuple[str, str]) -> Html:
