@@ -57,7 +57,7 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
         temporary.unlink(missing_ok=True)
 
 
-def write(target: Path, data: bytes) -> None:
+def write(target: Path, data: bytes | memoryview) -> None:
     """Puts the whole file there, replacing what was there; see `replacing`."""
     with replacing(target) as file:
         file.write(data)

@@ -156,4 +156,5 @@ def hidden(address: str) -> str:
 def reason(error: Exception) -> str:
     """What a failed request says, without the names of urllib3's own objects where it can be."""
     text = str(getattr(error, "reason", None) or error) or type(error).__name__
-    return re.sub(r"^\w+\(host=[^()]*\): ", "", text)
+    text = re.sub(r"^\w+\(host=[^()]*\): ", "", text)
+    return re.sub(r"^Failed to resolve '([^']*)' \(.*\)$", r"cannot resolve \1", text)

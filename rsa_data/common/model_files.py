@@ -14,10 +14,19 @@ from .errors import RsaDataError
 from .files import cache_folder, replacing
 from .units import size
 
+# Option that takes the file of a model, by the kind of its card.
+OPTIONS = {
+    "segments": "--segmenter-weights",
+    "relative-depth": "--depth-weights",
+    "text-encoder": "--encoder-weights",
+    "head": "--head",
+}
+
 
 class MissingFile(RsaDataError):
     """A model's file that is not on this machine and cannot be had.
 
+    option : of the command that takes the file; None where that command takes none.
     reason : why the download failed; None where the card names no download.
     line : the file as an entry of a list: size, address, where to put it.
     """
@@ -26,7 +35,7 @@ class MissingFile(RsaDataError):
         self.card, self.reason = card, reason
         digest = f"sha256 {card.sha256}" if card.sha256 else ""
         about = f" ({told})" if (told := ", ".join(filter(None, [_size(card), digest]))) else ""
-        place = f"put it at {own}" + (f", or name it with {option} FILE" if option else "")
+        place = f"put it at {own}" + (f", or give it as {option} FILE" if option else "")
         kind = f"{card.kind}, " if card.kind else ""
         where = _address(card) or card.source or "a file of your own"
         checksum = f", {digest}" if digest else ""
@@ -35,8 +44,9 @@ class MissingFile(RsaDataError):
         known = f"{kind}{_size(card) or 'size not known'}{checksum}"
         self.line = f"{card.name} ({known}): {where}; {place}"
         if reason is None:
-            given = f"give the file with {option} FILE, or put it at {own}" if option else place
-            text = f"model {card.name}: its card names no download; {given}. It is {where}"
+            option = option or OPTIONS.get(card.kind or "")
+            given = f"give it as {option} FILE, or put it at {own}" if option else place
+            text = f"model {card.name}: its file is not downloaded for you; it is {where}: {given}"
         else:
             text = (
                 f"model {card.name}: its file is not on this machine and the download failed: "
@@ -114,7 +124,7 @@ def _checked(card: Card, path: Path, option: str | None) -> Path:
         raise RsaDataError(
             f"model {card.name}: expected sha256 {wanted} of {path}; found {found}. "
             "Delete that file and run again"
-            + (f", or name another with {option} FILE" if option else "")
+            + (f", or give another as {option} FILE" if option else "")
         )
     return path
 
@@ -143,7 +153,10 @@ def _resolve_host(address: str) -> None:
     """Fails at once where there is no network; the hub's client would retry for half a minute."""
     if not urllib.request.getproxies():
         host = urllib.parse.urlsplit(address)
-        socket.getaddrinfo(host.hostname, host.port or 443)
+        try:
+            socket.getaddrinfo(host.hostname, host.port or 443)
+        except socket.gaierror as error:
+            raise OSError(f"cannot resolve {host.hostname}") from error
 
 
 def _download(card: Card, own: Path, option: str | None) -> None:

@@ -69,8 +69,9 @@ def _checked(of: Features, weights: Path | None) -> list[tuple[Live, Input, Path
     for name, one in zip(kinds_of(of), inputs, strict=True):
         if (live := kinds.kind(name).live) is None:
             raise UsageError(
-                f"this head reads {name} features of {one.encoder}, which are made for whole "
-                "datasets only: measure it with `rsa-data evaluate`, or call rsa_data.ScaleHead"
+                f"this head cannot be used on single photos: it reads {name} features of "
+                f"{one.encoder}, which only `{kinds.kind(name).made_by}` makes, for a whole "
+                "dataset. Measure it with `rsa-data evaluate`, or call rsa_data.ScaleHead"
                 ".load(...)(features) with the features of its tables"
             )
         ways.append((live, one))

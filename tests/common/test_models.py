@@ -108,7 +108,7 @@ def test_a_damaged_cache_is_not_used(served):
 def test_a_file_of_the_users_own(tmp_path):
     own = tmp_path / "own.onnx"
     card = Card(name="m")
-    with pytest.raises(RsaDataError, match="names no download; give the file with --weights FILE"):
+    with pytest.raises(RsaDataError, match="it is a file of your own: give it as --weights FILE"):
         model_files.local_file(card)
     with pytest.raises(RsaDataError, match="--model: expected the model's file; there is none at"):
         model_files.local_file(card, own, "--model")

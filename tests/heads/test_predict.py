@@ -385,6 +385,13 @@ def test_a_panorama_is_named_and_its_points_are_called_bent(work, tmp_path):
     assert p.warnings == ["the caption names no object that a class table has"]
 
 
+def test_a_work_dir_without_a_head_names_those_below_it(work, tmp_path):
+    above = WorkDir(work.store.folder.parent)
+    for name in (None, "hed"):
+        with pytest.raises(UsageError, match=rf"--work {work.store.location} holds head\."):
+            predict(above, caption=("a kitchen",), head=name)
+
+
 def test_all_missing_files_are_listed_at_once(work, tmp_path, monkeypatch):
     head_for_images(work)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

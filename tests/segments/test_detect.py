@@ -23,7 +23,7 @@ def test_wrong_calls(tmp_path):
     with pytest.raises(RsaDataError, match="expected the dataset's images; found no folder"):
         run(None, [], segments="yolox-nano")
     with pytest.raises(
-        RsaDataError, match="its card names no download; give the file with --segmenter-weights"
+        RsaDataError, match=r"not downloaded for you; .*: give it as --segmenter-weights FILE"
     ):
         detect.files(segments="maskformer")
 

@@ -61,6 +61,11 @@ def _listed(missing: Sequence[RsaDataError]) -> str:
             f"The download failed: {reasons}. Where there is a network, this gets them: "
             f"rsa-data models fetch {' '.join(names)}"
         )
+    if names := [file.card.name for file in files if file.reason is None]:
+        lines.append(
+            f"`models fetch` does not get {' and '.join(names)}: get the file yourself, from where "
+            "the list says"
+        )
     return "\n".join(lines)
 
 

@@ -66,6 +66,7 @@ class Prediction:
     segmenter : what looked for objects. objects : what it found, largest first; both None where
     nothing looked for any. words : scale and shift of the head alone, before known distances
     correct them; None without a head. known : these distances. files : what was written.
+    holds : what files of points and meshes hold and leave out.
     error : why this photo has no prediction.
     """
 
@@ -85,11 +86,14 @@ class Prediction:
     words: tuple[float, float] | None = None
     known: list[Known] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
+    holds: dict[Path, str] = field(default_factory=dict)
     error: str = ""
 
     def copy(self) -> "Prediction":
         """Another one with lists of its own."""
-        return replace(self, notes=[*self.notes], warnings=[*self.warnings], known=[], files=[])
+        return replace(
+            self, notes=[*self.notes], warnings=[*self.warnings], known=[], files=[], holds={}
+        )
 
     @property
     def range(self) -> tuple[float, float, float] | None:
@@ -126,7 +130,10 @@ class Prediction:
                 f"  camera: {self.camera.source}, horizontal field of view "
                 f"{self.camera.view:.1f} degrees"
             )
-        return lines + [f"  wrote {path}" for path in self.files]
+        return lines + [
+            f"  wrote {path}" + (f": {self.holds[path]}" if path in self.holds else "")
+            for path in self.files
+        ]
 
     @property
     def all_warnings(self) -> list[str]:
@@ -160,7 +167,7 @@ class Prediction:
                 for o in self.objects
             ],
             "warnings": self.all_warnings,
-            "notes": self.notes,
+            "notes": [*self.notes, *(f"{path}: {told}" for path, told in self.holds.items())],
             "files": [str(path) for path in self.files],
         }
         return said | ({"error": self.error} if self.error else {})

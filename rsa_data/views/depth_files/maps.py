@@ -7,11 +7,11 @@ import numpy as np
 from ..pictures.colours import ENDS, depth_colours, range_of
 
 
-def npy(depth: np.ndarray) -> bytes:
+def npy(depth: np.ndarray) -> memoryview:
     """float32 (h, w), m; inf beyond everything, nan unknown."""
     file = io.BytesIO()
-    np.save(file, depth.astype(np.float32))
-    return file.getvalue()
+    np.save(file, depth.astype(np.float32, copy=False))
+    return file.getbuffer()  # without a copy: 100 megapixels are 400 MB
 
 
 def png(depth: np.ndarray) -> bytes:
@@ -23,6 +23,12 @@ def png(depth: np.ndarray) -> bytes:
     done, data = cv2.imencode(".png", image)
     assert done
     return data.tobytes()
+
+
+def beyond(depth: np.ndarray) -> str:
+    """That pixels are farther than 16 bits of mm reach, or nothing."""
+    far = int((depth > 65.535).sum())
+    return f"{far:,} pixels beyond 65.535 m are written as 65535" if far else ""
 
 
 def picture(pixels: np.ndarray) -> bytes:

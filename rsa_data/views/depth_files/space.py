@@ -1,5 +1,7 @@
 """Metric depth in space: coloured points as PLY, a textured mesh as GLB."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 # fx, fy, cx, cy in px.
@@ -11,6 +13,13 @@ MOST = 1_000_000
 _EDGE = 1.08
 # px of a texture's longer side at most.
 _TEXTURE = 2048
+
+
+class Solid(NamedTuple):
+    """A file of points or of a mesh, and what it holds and leaves out, in words."""
+
+    data: bytes
+    told: str
 
 
 def _grid(
@@ -26,9 +35,17 @@ def _grid(
     return v, u, np.stack([x, y, z], -1)
 
 
+def _thinned(depth: np.ndarray, v: np.ndarray, what: str, most: int) -> str:
+    """That not every pixel was taken, or nothing."""
+    step = int(v[1] - v[0]) if len(v) > 1 else 1
+    if step == 1:
+        return ""
+    return f"; one pixel of {step} x {step} taken, for at most {most:,} {what}"
+
+
 def ply(
     depth: np.ndarray, camera: Intrinsics, colours: np.ndarray | None = None, most: int = MOST
-) -> bytes:
+) -> Solid:
     """A point for each pixel of finite depth, at most `most`: x right, y down, z forward, m.
 
     depth : float (h, w), m. camera : fx, fy, cx, cy in px of it.
@@ -51,10 +68,17 @@ def ply(
     start = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{header}end_header\n"
     )
-    return start.encode() + rows.tobytes()
+    told = f"{len(rows):,} points; {_blank(good)}{_thinned(depth, v, 'points', most)}"
+    return Solid(start.encode() + rows.tobytes(), told)
 
 
-def glb(depth: np.ndarray, camera: Intrinsics, colours: np.ndarray, most: int = MOST // 4) -> bytes:
+def _blank(good: np.ndarray) -> str:
+    """How many pixels have no point."""
+    blank = int(good.size - good.sum())
+    return f"{blank:,} pixels without a depth left out ({blank / good.size:.0%})"
+
+
+def glb(depth: np.ndarray, camera: Intrinsics, colours: np.ndarray, most: int = MOST // 4) -> Solid:
     """A mesh with the photo as its texture, cut where the depth jumps: y up, z to the viewer, m.
 
     As `ply`; raises ValueError when no three neighbours have a depth.
@@ -77,6 +101,7 @@ def glb(depth: np.ndarray, camera: Intrinsics, colours: np.ndarray, most: int = 
         [np.stack([corner, below, right], 1), np.stack([right, below, across], 1)]
     )
     spread = np.ptp(log.ravel()[faces], axis=1)
+    jumps = int((spread > np.log(_EDGE)).sum())
     faces = faces[spread <= np.log(_EDGE)]  # nan is not below it
     if not len(faces):
         raise ValueError("no three neighbouring pixels have a depth on one surface")
@@ -99,4 +124,8 @@ def glb(depth: np.ndarray, camera: Intrinsics, colours: np.ndarray, most: int = 
     )
     data = mesh.export(file_type="glb")
     assert isinstance(data, bytes)
-    return data
+    told = (
+        f"{faces.size // 3:,} triangles; {_blank(np.isfinite(log))}; cut at {jumps:,} triangles "
+        f"whose depth jumps by more than {_EDGE - 1:.0%}{_thinned(depth, v, 'corners', most)}"
+    )
+    return Solid(data, told)

@@ -69,8 +69,10 @@ class Writer:
             if wanted:
                 files[_named(stem, kind)] = kind
         for path, kind in files.items():
-            _save(path, _content(p, p.depth, kind, path))
+            data, told = _content(p, p.depth, kind, path)
+            _save(path, data)
             p.files.append(path)
+            p.holds |= {path: told} if told else {}
 
     def _stem(self, p: Prediction) -> Path:
         """Path of the files without their ending."""
@@ -107,13 +109,16 @@ def check(outputs: Outputs, several: bool) -> None:
         )
 
 
-def _content(p: Prediction, depth: np.ndarray, kind: str, path: Path) -> bytes:
+def _content(
+    p: Prediction, depth: np.ndarray, kind: str, path: Path
+) -> tuple[bytes | memoryview, str]:
+    """The bytes of a file, and what it leaves out, in words."""
     if kind == ".npy":
-        return maps.npy(depth)
+        return maps.npy(depth), ""
     if kind == ".png":
-        return maps.png(depth)
+        return maps.png(depth), maps.beyond(depth)
     if kind == "colours":
-        return maps.picture(maps.coloured(depth))
+        return maps.picture(maps.coloured(depth)), ""
     assert p.camera is not None
     camera = p.camera.at(depth.shape[1], depth.shape[0])
     if kind == ".ply":
@@ -126,7 +131,7 @@ def _content(p: Prediction, depth: np.ndarray, kind: str, path: Path) -> bytes:
         raise RsaDataError(f"{path}: {error}") from error
 
 
-def _save(path: Path, data: bytes) -> None:
+def _save(path: Path, data: bytes | memoryview) -> None:
     try:
         write(path, data)
     except OSError as error:

@@ -25,7 +25,7 @@ class Entry:
         if self.path is None and self.card.bytes:
             there += f", {size(self.card.bytes)}"
         if self.path is None and not (self.card.hub or self.card.url):
-            there = "no download"
+            there = f"no download: {model_files.OPTIONS[self.card.kind or '']} FILE"
         digest = (self.card.sha256 or "")[:12]
         return [self.card.name, self.card.kind or "", there, self.card.licence or "", digest]
 

@@ -201,12 +201,12 @@ def objects(picture: Picture, depth: np.ndarray) -> list[Seen]:
 def file_of(picture: Picture, depth: np.ndarray, kind: str) -> bytes:
     """The depth as .npy, .ply or .glb, or a coloured picture; raises ValueError for no surface."""
     if kind == ".npy":
-        return maps.npy(depth)
+        return bytes(maps.npy(depth))
     if kind == "-colours.png":
         return maps.picture(maps.coloured(depth))
     colours = resized(picture.image, depth.shape[1], depth.shape[0])
     make = space.ply if kind == ".ply" else space.glb
-    return make(depth, picture.view(), colours)
+    return make(depth, picture.view(), colours).data
 
 
 def place(picture: Picture, depth: np.ndarray, u: float, v: float) -> np.ndarray:
