@@ -66,6 +66,17 @@ def test_the_prior_is_the_spread_of_the_fits_around_the_prediction():
     assert -0.6 < said["prior"].correlation < -0.2
 
 
+@pytest.mark.parametrize("way", [1, -1, 0])
+def test_the_prior_to_its_last_digit(way):
+    """Errors of -e and e alone: 1.4826 e, the normal's spread for that median (Rousseeuw)."""
+    error = np.tile([[0.1, 0.2], [-0.1, -0.2]], (8, 1)) * [1, way]
+    prior = calibrate(constant_head(0.5, 0.2), validation((1 + error) * [0.5, 0.2]))["prior"]
+    # Complete correlation would make the covariance singular; no spread at all is none.
+    assert prior.correlation == 0.99 * way
+    assert prior.scale == pytest.approx(0.1483, abs=1e-6)
+    assert prior.shift == pytest.approx(0.2965 if way else 0.01, abs=1e-6)
+
+
 def test_few_fits_leave_the_prior_open():
     assert "prior" not in calibrate(constant_head(0.5, 0.2), validation(np.ones((9, 2))))
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 
 import numpy as np
 import pytest
@@ -47,6 +48,26 @@ def test_every_head_gives_positive_scale_and_shift(name):
     scale, shift = head_of(64, name)(np.random.default_rng(0).normal(size=(5, 64)))
     assert scale.shape == shift.shape == (5,)
     assert (scale > 0).all() and (shift > 0).all()
+
+
+@pytest.mark.parametrize("name", ["mlp3", "fusion", "transformer", "proposals"])
+def test_the_ends_of_the_papers_heads_are_three_layers(name):
+    """256, 128, 64, 1, as lanscale.py of the release; the rebuttal calls the others' 3-layer."""
+    network = build_network({"name": name, **OWN.get(name, {})}, 64)
+    for net in (network.shift_net, network.scale_net):
+        sizes = [(m.in_features, m.out_features) for m in net if isinstance(m, torch.nn.Linear)]
+        assert sizes == [(256, 128), (128, 64), (64, 1)]
+
+
+def test_weights_of_another_kind_say_what_they_are(saved):
+    head = ScaleHead.load(saved)
+    tensors = {"mean": head.mean, "factor": head.factor, **head.network.state_dict()}
+    key = next(key for key, tensor in tensors.items() if tensor.ndim == 2)
+    tensors[key] = tensors[key].double()
+    shape = tuple(tensors[key].shape)
+    says = f"{key} as float32 {shape}; found float64 {shape}"
+    with pytest.raises(RsaDataError, match=re.escape(says)):
+        ScaleHead.from_tensors(tensors, head.about)
 
 
 def test_queries_begin_as_tokens_of_a_transformer_do():

@@ -3,12 +3,14 @@
 from itertools import pairwise
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import torch
 
 from rsa_data.heads.checkpoint import build_network
-from rsa_data.heads.inputs.objects import NUMBERS, Objects, numbers
+from rsa_data.heads.inputs.objects import NUMBERS, Objects, numbers, of_table
 from rsa_data.registry import HEADS
+from rsa_data.store import schemas
 
 DIM = 5 + len(NUMBERS)
 SETS = [name for name in HEADS if "object" in name and not name.startswith(("text", "image"))]
@@ -59,6 +61,18 @@ def test_what_a_head_does_not_read_does_not_move_it(images):
         for other in (moved, resized):
             same = torch.equal(outputs(name, other.reshape(3, -1)), plain)
             assert same == any(other is b for b in blind)
+
+
+def test_a_part_in_which_nothing_is_named_joins_others(images):
+    nothing = {
+        "sample_id": ["a", "b"],
+        "status": ["ok", "failed"],
+        **{name: [[], []] for name in ("name", "share", "is_thing", "new_name", "new_feature")},
+        **{name: [None, None] for name in ("error", "center")},
+    }
+    empty = of_table(pa.chunked_array([["b", "a"]]), schemas.from_columns("objects", nothing))
+    assert empty.names.size == 0 and empty.there.tolist() == [False, True]
+    assert empty.width == len(NUMBERS)  # a part without a name does not know how long features are
 
 
 def test_a_part_keeps_the_names_that_it_uses(images):

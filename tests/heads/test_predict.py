@@ -83,6 +83,7 @@ def test_relative_depth_becomes_metric_depth(work, y, tmp_path):
     relative = tmp_path / "y.npy"
     (p,) = predict(work, caption=("a kitchen",), relative=relative)
     np.testing.assert_allclose(p.depth, 1 / (p.scale * y + p.shift), rtol=1e-6)
+    assert p.range == (p.depth.min(), pytest.approx(np.median(p.depth)), p.depth.max())
     done = run(work, "--caption", "a kitchen", "--relative", relative, "--out", out)
     assert done.exit_code == 0 and f"wrote {out}" in done.output
     np.testing.assert_array_equal(np.load(out), p.depth)
@@ -267,6 +268,9 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
         ("--caption a --relative y.npy --known 8,1,2", "expected a pixel of the relative depth"),
         ("--caption a --relative y.npy --known 1,1,-2", "expected depths above 0 m"),
         ("--caption a --relative y.npy --range 5,2", "expected 0 < near < far"),
+        ("--caption a --relative y.npy --range=-1,2", "expected 0 < near < far"),
+        ("--caption a --relative y.npy --range 0,2", "expected 0 < near < far"),
+        ("--caption a --relative y.npy --range 5,inf", "expected 0 < near < far"),
         ("--caption a --relative y.npy --range 5", "expected near,far in metres"),
         ("--caption a --caption b --relative y.npy", "without photos take one --caption"),
         ("nowhere --caption a", "expected an image, a video or a folder; there is none"),

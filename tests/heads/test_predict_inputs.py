@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from rsa_data.cli.main import cli
 from rsa_data.common import options as binding
-from rsa_data.common.errors import RsaDataError
+from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.heads.belong import Source, features_of
 from rsa_data.heads.card import model_card
 from rsa_data.heads.checkpoint import ScaleHead, build_network
@@ -19,6 +19,7 @@ from rsa_data.heads.inputs import kinds
 from rsa_data.heads.predict import calibration
 from rsa_data.heads.predict.asking import Asking
 from rsa_data.heads.predict.choices import Models
+from rsa_data.heads.predict.images import captions_of
 from rsa_data.heads.predict.nouns import objects_in, text_of
 from rsa_data.heads.predict.objects import things
 from rsa_data.heads.predict.predict import predict as predict_function
@@ -116,6 +117,18 @@ def test_a_photo_is_read_as_from_its_tables(made, name):
     assert {o.label for o in found[0].objects} == {"red", "blue"}
 
 
+def test_new_photos_are_described_as_the_training_images_were(made):
+    about = ScaleHead.load(made[0].store.folder / "heads/text-objects").description
+    assert captions_of(about, Models()) == {
+        "style": "classes", "tokenizer": "minilm", "variants": 1,
+    }  # fmt: skip
+    assert captions_of(about, Models(style="counts")) == {"style": "counts", "variants": 1}
+    assert captions_of({}, Models())["style"] == "release"
+    imported = {"captions": {"a": {"style": "import:texts"}}}
+    with pytest.raises(UsageError, match="not written from segments"):
+        captions_of(imported, Models())
+
+
 def test_a_head_of_objects_reads_those_that_a_caption_names(made):
     work, here, _ = made
     (said,) = predict(work, head="objects", caption=("a desk, a chair and a lamp",))
@@ -158,6 +171,9 @@ def test_the_card_of_a_head_says_what_it_reads(made):
     text = model_card("mine", about)
     assert "- The photo itself, as features of thumbnail." in text
     assert "- The photo's objects: their names as features of minilm" in text
+    assert "- Segments in training: not stated." in text
+    both = {"segments": {"a": "segments/yolox-nano", "b": "segments/labels"}}
+    assert "- Segments in training: labels, yolox-nano." in model_card("mine", about | both)
 
 
 @pytest.mark.parametrize(
@@ -169,6 +185,7 @@ def test_the_card_of_a_head_says_what_it_reads(made):
         ("An image with a bed, a wall, and two pillows.", "bed wall pillow pillow", [None] * 4),
         ("A small bathroom with sofas and a hat", "couch couch hat", [None] * 3),
         ("three people walking past a parked car", "person person person car", [None] * 4),
+        ("people next to a car", "person person car", [None] * 3),
         ("bed 13.5%, chair 2.0%", "bed chair", [0.135, 0.02]),
         ("An image.", "", []),
         ("nothing here", "", []),

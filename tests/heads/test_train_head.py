@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from rsa_data import ScaleHead
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.heads.inputs import kinds
 from rsa_data.heads.train.plan import Training
 from rsa_data.store import schemas
 from rsa_data.store.tables import Description, Made, WorkDir
@@ -270,6 +271,17 @@ def test_image_features_stand_beside_those_of_the_text(work, head):
     # Each table has its own spread, so that the louder one does not drown the other.
     np.testing.assert_allclose(loaded.factor[16:].numpy(), 1 / 30, rtol=0.2)
     np.testing.assert_allclose(loaded.factor[:16].numpy(), 1, rtol=0.3)
+
+
+def test_features_of_images_are_those_of_their_table(work):
+    toy(work, "nyuv2")
+    vectors = np.random.default_rng(0).normal(size=(120, 5)).astype(np.float32)
+    image_features(work, "nyuv2", vectors, missing=57)
+    block = kinds.feed("embeddings/images/eye").read(work, "nyuv2", 1)  # images 50 to 99
+    there = np.arange(50) != 7
+    np.testing.assert_array_equal(block.there, there)
+    rows = np.flatnonzero(there)
+    np.testing.assert_array_equal(block.rows(rows, np.zeros(49)), vectors[50:100][there])
 
 
 def test_a_head_trains_on_image_features_alone(work):

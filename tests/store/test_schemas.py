@@ -115,6 +115,13 @@ def test_digests_are_those_that_receipts_hold():
     )
 
 
+def test_what_is_not_said_to_be_nullable_is_not():
+    """Readers of Parquet are told: `required` in the file's own schema."""
+    nullable = {field.name for field in schemas.schema("samples") if field.nullable}
+    assert {"image", "depth", "fx", "width"} <= nullable
+    assert not {"sample_id", "dataset", "split", "scene"} & nullable
+
+
 def test_json_is_readable_and_the_same_for_the_same_value():
     """What fingerprints are of: sorted keys, one space, UTF-8 as it is, one newline."""
     text = b'{\n "a": "\xc3\xa4\xe6\xa4\x85",\n "b": [\n  1,\n  null\n ]\n}\n'

@@ -1,7 +1,9 @@
 """Parts and receipts: whole or not at all, bound to what made them."""
 
+import contextlib
 import hashlib
 import json
+import logging
 import re
 import subprocess
 import sys
@@ -13,6 +15,7 @@ from msgspec.structs import replace
 
 from rsa_data.common.errors import RsaDataError
 from rsa_data.store import schemas
+from rsa_data.store.logs import RunLog, last_run
 from rsa_data.store.tables import Description, Made, WorkDir
 
 
@@ -88,6 +91,79 @@ def test_a_part_of_other_bytes_is_refused_when_they_are_looked_at(table):
     said = f"expected sha256 {receipt.sha256[:12]}..., found {other[:12]}...."
     with pytest.raises(RsaDataError, match=f"{re.escape(said)}.*delete its receipt to make it"):
         table.read(0, check=True)
+
+
+RECEIPT = """{{
+ "bytes": {bytes},
+ "digest": "{digest}",
+ "failed": 0,
+ "file": "{file}",
+ "fingerprint": "f",
+ "ok": 3,
+ "part": 0,
+ "rows": 3,
+ "sha256": "{sha256}",
+ "skipped": 0,
+ "split": "train"
+}}
+"""
+
+
+def test_a_receipt_has_the_same_bytes_in_every_version(table):
+    """What is not known stands in no receipt; and none of them changes by itself."""
+    made = table.commit(0, embeddings(), COUNTS)
+    text = RECEIPT.format(**{n: getattr(made, n) for n in ("bytes", "digest", "file", "sha256")})
+    assert table.store.read(f"{table.path}/_part-00000.json") == text.encode()
+    # A description that says nothing of versions is of the first.
+    table.store.write(f"{table.path}/_table.json", b'{"stage": "embed", "schema": "embeddings"}')
+    about = table.description()
+    assert (about.stage_version, about.schema_version) == (1, 1)
+
+
+class Swept:
+    """A store in which another run takes a file for a leftover before its receipt is there."""
+
+    def __init__(self, store):
+        self.store, self.written = store, []
+
+    def __getattr__(self, name):
+        return getattr(self.store, name)
+
+    def write(self, path, data):
+        self.written.append(path)
+        self.store.write(path, data)
+
+    def create(self, path, data):
+        done = self.store.create(path, data)
+        if len(self.written) == 1:
+            self.store.delete(self.written[0])
+        return done
+
+
+def test_data_that_another_run_swept_away_is_written_again(table):
+    table.store = store = Swept(table.store)
+    receipt = table.commit(0, embeddings(), COUNTS)
+    assert store.written == [f"{table.path}/{receipt.file}"] * 2
+    assert table.read(0, check=True).equals(embeddings())
+    table.commit(1, embeddings(2), COUNTS)
+    assert len(store.written) == 3  # nobody swept: written once
+
+
+@pytest.mark.parametrize("ends", ["well", "badly"])
+def test_the_log_of_a_run_says_how_it_ended(tmp_path, ends):
+    work = WorkDir(tmp_path)
+    with contextlib.suppress(RuntimeError), RunLog(work, "rooms", "captions/a") as log:
+        log.write("begun", parts=2)
+        logging.getLogger("other").warning("look at %s", "this")
+        if ends == "badly":
+            raise RuntimeError("no more")
+    logging.getLogger("other").warning("of nobody's run")
+    events = last_run(work, "rooms", "captions/a")
+    told = [{k: v for k, v in event.items() if k != "time"} for event in events]
+    expected = [{"event": "begun", "parts": 2}]
+    expected += [{"event": "warning", "logger": "other", "message": "look at this"}]
+    expected += [{"event": "stopped", "error": "RuntimeError: no more"}] * (ends == "badly")
+    assert told == expected
 
 
 def test_other_options_are_refused_by_name(table):
