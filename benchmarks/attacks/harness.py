@@ -179,7 +179,9 @@ class Running:
         said = self._said()
         if self.broken:
             return "broken"
-        if "Traceback (most recent" in said or "nexpected error" in said:
+        # Python itself reports a SIGINT that comes before the first line of this package has run.
+        early = self.sent and "rsa_data" not in said and said.endswith("KeyboardInterrupt\n")
+        if ("Traceback (most recent" in said or "nexpected error" in said) and not early:
             return "traceback"
         if self.sent:
             # SIGINT and SIGTERM of a process that has not come to its own code yet are death.

@@ -97,10 +97,13 @@ def gpu() -> str:
 
 
 def commit() -> str:
-    """The commit of this checkout, and whether files differ from it."""
-    words = ["git", "-C", str(RESULTS.parent), "describe", "--always", "--dirty", "--exclude=*"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    return done.stdout.strip() or "unknown"
+    """The commit of this checkout, and whether files but the results differ from it."""
+    git = ["git", "-C", str(RESULTS.parent)]
+    words = [*git, "describe", "--always", "--exclude=*"]
+    name = subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
+    words = [*git, "diff", "--quiet", "HEAD", "--", ":/", ":(exclude)results"]
+    same = subprocess.run(words, capture_output=True, check=False).returncode == 0
+    return (name if same else f"{name}-dirty") if name else "unknown"
 
 
 def version(package: str) -> str:
