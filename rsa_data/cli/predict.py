@@ -40,8 +40,10 @@ def predict(
       rsa-data predict room.jpg --known 320,240,2.5 --known 80,400,1.2 --glb
       rsa-data predict --head nyu --caption "a small bathroom with a sink"
     """
-    writer = Writer(call(_files, **{name: options.pop(name) for name in parameters(_files)}))
+    outputs = call(_files, **{name: options.pop(name) for name in parameters(_files)})
     places, said, failed = [*photos, *images], [], 0
+    relative = options.get("relative")
+    writer = Writer(outputs, [*places, *([relative] if relative else [])])
     check(writer.outputs, several=len(places) > 1)
     for found in call(predict_function, WorkDir(work), places, **options):
         try:

@@ -161,9 +161,14 @@ def read_text(path: Path, kind: str = "text") -> str:
 
 
 def check_captions(texts: Iterable[str], where: str) -> None:
-    """Raises RsaDataError for a text of more characters than the limit `caption`."""
+    """Raises RsaDataError for a text of more characters than the limit `caption`, or of none that
+    UTF-8 can hold, as bytes of a command line become."""
     most = limit("caption")
     for text in texts:
+        try:
+            text.encode()
+        except UnicodeEncodeError as error:
+            raise RsaDataError(f"{where}: expected UTF-8 text; found {text[:40]!r}") from error
         if len(text) > most:
             raise RsaDataError(
                 f"{where}: expected captions of at most {most:,.0f} characters, found one of "

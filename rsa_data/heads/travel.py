@@ -15,6 +15,7 @@ from ..common import bounded, http
 from ..common.errors import RsaDataError, UsageError
 from ..common.files import write
 from ..common.model_files import download
+from ..common.outputs import check_output
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir, to_json
 from .card import model_card
@@ -23,20 +24,23 @@ from .description import MAX_BYTES
 if TYPE_CHECKING:
     from .checkpoint import ScaleHead
 
-_JSON, _CARD = "head.json", "README.md"
+_WEIGHTS, _CARD, _JSON = "head.safetensors", "README.md", "head.json"
 
 
 def export_head(work: WorkDir, name: str, place: Path) -> list[Path]:
     """Writes a head of the work dir to take elsewhere, with its model card.
 
     place : a file NAME.safetensors, or else a folder.
-    Returns the files written. Raises RsaDataError when there is no such head, or the place is
-    taken by something else.
+    Returns the files written. Raises RsaDataError when there is no such head, UsageError when the
+    place is taken by something else.
     """
     from safetensors.torch import load, save
 
     from .checkpoint import ScaleHead
 
+    check_output(place)
+    if place.suffix != ".safetensors":
+        _check_folder(place)
     folder = f"{work.store.location}/{head_folder(name)}"
     head = ScaleHead.load(folder)
     data = work.store.read(f"heads/{name}/head.safetensors") or b""
@@ -45,10 +49,17 @@ def export_head(work: WorkDir, name: str, place: Path) -> list[Path]:
     if place.suffix == ".safetensors":
         metadata = {_JSON: json.dumps(about), _CARD: card}
         return _write({place: save(load(data), metadata)})
-    if place.exists() and not place.is_dir():
-        raise UsageError(f"{place}: expected a new folder, or a name that ends in .safetensors")
-    files = {"head.safetensors": data, _CARD: card.encode(), _JSON: to_json(about)}
+    files = {_WEIGHTS: data, _CARD: card.encode(), _JSON: to_json(about)}
     return _write({place / file: content for file, content in files.items()})
+
+
+def _check_folder(place: Path) -> None:
+    """Raises UsageError for a file, and for a folder with a README or so that is no head's."""
+    taken = place.exists() and not place.is_dir()
+    if not (place / _WEIGHTS).exists():
+        taken = taken or (place / _CARD).exists() or (place / _JSON).exists()
+    if taken:
+        raise UsageError(f"{place}: expected a new folder, or a name that ends in .safetensors")
 
 
 def _write(files: dict[Path, bytes]) -> list[Path]:

@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 
 from ..common import files
 from ..common.errors import RsaDataError, UsageError
+from ..common.outputs import check_output
 from ..runner import jobs
 from ..store import schemas
 from ..store.tables import Table, WorkDir
@@ -46,6 +47,7 @@ def export(
     """
     if out.exists():
         raise UsageError(f"--out {out}: expected a folder that is not there yet")
+    check_output(out)
     if push is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", push):
         raise UsageError(f"--push: expected OWNER/NAME, found {push!r}")
     names = list(datasets) or [n for n in work.datasets() if _has(work, n, embeddings)]

@@ -119,6 +119,27 @@ def test_frames_come_in_natural_order_without_hidden_files(work, tmp_path):
     assert [p.name for p in found] == ["f1.png", "f2.png", "f10.png"]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "FRAMES --relative MAPS --out FRAMES --kind png",
+        "FRAMES --relative MAPS --out MAPS",
+        "FRAMES/0.png --relative MAPS/0.npy --out FRAMES/../frames/0.png",
+        "FRAMES/0.png --relative MAPS/0.npy --out MAPS/0.npy",
+        "FRAMES/0-colours.png --relative MAPS/0.npy --out FRAMES/0.npy --colours",
+    ],
+)
+def test_what_is_read_is_never_written_over(work, tmp_path, words):
+    frames, maps = frames_with_maps(tmp_path)
+    shutil.copy(frames / "1.png", frames / "0-colours.png")
+    shutil.copy(maps / "1.npy", maps / "0-colours.npy")
+    before = {path: path.read_bytes() for path in (*frames.iterdir(), *maps.iterdir())}
+    words = words.replace("FRAMES", str(frames)).replace("MAPS", str(maps)).split()
+    done = run(work, *words, "--caption", "a kitchen")
+    assert "expected a file that is not read in the same call" in f"{done.output}{done.exception}"
+    assert {path: path.read_bytes() for path in (*frames.iterdir(), *maps.iterdir())} == before
+
+
 def test_two_photos_of_one_stem_get_a_file_each(work, tmp_path):
     frames, maps = frames_with_maps(tmp_path, ("a.jpg", "a.png"))
     out = tmp_path / "o"
@@ -278,6 +299,8 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
         ("--caption a --relative y.npy --fov 200", "1 to 179"),
         ("--caption a --relative y.npy --out x.glb", "a textured mesh needs the photo"),
         ("a.png a.png --caption a --relative y.npy --out x.npy", "one file for several photos"),
+        ("--caption a\udcff", "expected UTF-8 text; found 'a\\udcff'"),
+        ("--caption a --relative y.npy --out work/heads/head/o.npy", "outside of the tables and"),
         ("--caption a --head hed", "Did you mean 'head'"),
         ("--caption a --head no/such", "there is no such file or folder"),
         ("--caption a --head ftp://x/y", "expected https://... or hf://OWNER/NAME"),
@@ -289,6 +312,7 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
 def test_calls_that_do_not_add_up_are_refused(work, y, tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("a.png", np.zeros((6, 8, 3), np.uint8))
+    (tmp_path / "work/heads/head/_table.json").write_text("{}")  # as a training leaves it
     done = run(work, *words.split())
     assert done.exit_code != 0 and message in f"{done.output}{done.exception}"
 

@@ -1,6 +1,7 @@
 """Which files a prediction is written to, and writing them."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,10 +10,13 @@ import numpy as np
 
 from ...common.errors import RsaDataError, UsageError
 from ...common.files import write
+from ...common.outputs import check_output
+from ...datasets.images import SUFFIXES
 from ...heads.predict.prediction import Prediction
 from . import maps, space
 
 KINDS = (".npy", ".png", ".ply", ".glb")
+_READ = (*SUFFIXES, ".npy")
 
 
 @dataclass(frozen=True)
@@ -43,17 +47,20 @@ class Outputs:
 
 
 class Writer:
-    """Writes the files of one photo after the other; no two photos share a file."""
+    """Writes the files of one photo after the other; no two photos share a file.
 
-    def __init__(self, outputs: Outputs):
-        self.outputs = outputs
+    reads : files and folders that the call reads, which no output may replace.
+    """
+
+    def __init__(self, outputs: Outputs, reads: Sequence[Path] = ()):
+        self.outputs, self.reads = outputs, reads
         self.taken: Counter[Path] = Counter()
 
     def write(self, p: Prediction) -> None:
         """Writes what was asked for, and names it in `p.files`.
 
-        Raises UsageError when one file is asked for several photos, RsaDataError when it cannot be
-        written.
+        Raises UsageError when one file is asked for several photos, or for what is read in the same
+        call; RsaDataError when it cannot be written.
         """
         if not self.outputs or p.error:
             return
@@ -68,6 +75,8 @@ class Writer:
         for kind, wanted in ((".ply", self.outputs.ply), (".glb", self.outputs.glb)):
             if wanted:
                 files[_named(stem, kind)] = kind
+        for path in files:
+            check_output(path, self.reads, _READ)
         for path, kind in files.items():
             data, told = _content(p, p.depth, kind, path)
             _save(path, data)

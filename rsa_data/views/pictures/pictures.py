@@ -9,6 +9,7 @@ import numpy as np
 
 from ...common import files
 from ...common.errors import RsaDataError, UsageError
+from ...common.outputs import check_output
 from .colours import SEGMENT_COLOURS
 from .segments import draw_segments, segment_grid
 from .sheet import Prediction, contact_sheet
@@ -30,6 +31,7 @@ def save(picture: np.ndarray, path: Path) -> None:
     kind = Image.registered_extensions().get(path.suffix.lower())
     if kind not in ("PNG", "JPEG"):
         raise UsageError(f"{path}: expected a name that ends in .png or .jpg")
+    check_output(path)
     try:
         with files.replacing(path) as file:
             Image.fromarray(picture).save(file, kind, optimize=True)

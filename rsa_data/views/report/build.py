@@ -11,6 +11,7 @@ from ...common import files as whole_files
 from ...common import svg
 from ...common.errors import RsaDataError, UsageError
 from ...common.html import Html, join, tag
+from ...common.outputs import check_output
 from ...common.ranges import Positive
 from ...common.units import size
 from ...store.tables import WorkDir
@@ -47,6 +48,9 @@ def report(
     samples : about how many samples the gallery shows, over all datasets.
     head : whose predictions the gallery shows; by default one trained on the dataset shown.
     """
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"--out {out}: expected a name that ends in .html")
+    check_output(out)
     if not work.datasets():
         raise RsaDataError(
             f"{work.store.location}: no dataset there yet. Begin with "
