@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ..common import terminal
+from ..common import entries, terminal
 from ..common.errors import RsaDataError
 from . import signals
 
@@ -67,7 +67,8 @@ def _unexpected(error: BaseException) -> str:
         where = f"{error.filename!s:.500}: " if error.filename else ""
         return where + (error.strerror or what)
     shown = f"unexpected {kind}: {what}" if what else f"unexpected {kind}"
-    return f"{shown:.500}. This is a fault of rsa-data: `rsa-data --debug ...` shows the traceback"
+    whose = " or ".join(["rsa-data", *(f"the code {name}" for name in entries.allowed())])
+    return f"{shown:.500}. This is a fault of {whose}: `rsa-data --debug ...` shows the traceback"
 
 
 def _say(line: str) -> None:

@@ -165,10 +165,8 @@ def check_captions(texts: Iterable[str], where: str) -> None:
     UTF-8 can hold, as bytes of a command line become."""
     most = limit("caption")
     for text in texts:
-        try:
-            text.encode()
-        except UnicodeEncodeError as error:
-            raise RsaDataError(f"{where}: expected UTF-8 text; found {text[:40]!r}") from error
+        if not text_files.encodable(text):
+            raise RsaDataError(f"{where}: expected UTF-8 text; found {text[:40]!r}")
         if len(text) > most:
             raise RsaDataError(
                 f"{where}: expected captions of at most {most:,.0f} characters, found one of "

@@ -23,3 +23,12 @@ def lines(text: str) -> list[str]:
     """
     found = [line.removesuffix("\r") for line in text.split("\n")]
     return found[:-1] if found[-1] == "" else found
+
+
+def encodable(text: str) -> bool:
+    """Whether UTF-8 can hold a text: not the bytes of a command line that are no UTF-8."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
+from ..common.errors import UsageError
+from ..common.text_files import encodable
 from ..store.stores import Files, open_files
 
 
@@ -17,9 +19,11 @@ def open_root(text: str | Path) -> Path:
     """The root at a place: a folder, s3://, gs://, az:// or https://.
 
     What is not a folder comes as a RemotePath, which reads like a Path. Raises RsaDataError for an
-    address of another kind.
+    address of another kind, UsageError for a name that is no UTF-8: the work dir keeps it as text.
     """
     place = str(text)
+    if not encodable(place):
+        raise UsageError(f"root: expected a name in UTF-8; found {place!r}")
     if "://" not in place:
         return Path(place)
     return cast(Path, RemotePath(open_files(place), PurePosixPath()))

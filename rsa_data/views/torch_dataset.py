@@ -13,6 +13,7 @@ from ..heads.belong import Tables
 from ..heads.sources import sources
 from ..heads.train.examples import Examples, join, read_part
 from ..heads.train.validation_split import by_scene
+from ..store.encoding import fingerprint
 from ..store.tables import WorkDir
 from .torch_batches import Item, batch_of, parts_of, share_of_work
 
@@ -167,18 +168,43 @@ class ShardStream(IterableDataset[Item]):
         self.window, self.seed = window, seed
         self.keep = None if keep is None else np.asarray(keep, bool)
         self._epoch, self._taken, self._skip = 0, 0, 0
+        kept = None if self.keep is None else np.packbits(self.keep).tobytes().hex()
+        self._images = fingerprint([data.dataset, data.source.tables, data.parts, kept])
 
     def set_epoch(self, epoch: int) -> None:
         """Which order the next pass has."""
         self._epoch, self._taken, self._skip = epoch, 0, 0
 
-    def state_dict(self) -> dict[str, int]:
-        """Where this pass is: the epoch, and how many images this process has given out."""
-        return {"epoch": self._epoch, "taken": self._taken}
+    def state_dict(self) -> dict[str, Any]:
+        """Where this pass is: the epoch, how many images this process has given out, and in what
+        order."""
+        return self._order() | {"epoch": self._epoch, "taken": self._taken + self._skip}
 
-    def load_state_dict(self, state: dict[str, int]) -> None:
-        """Makes the next pass go on behind the images that were given out already."""
-        self._epoch, self._taken, self._skip = state["epoch"], 0, state["taken"]
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Makes the next pass go on behind the images that were given out already.
+
+        Raises UsageError for a state of other images, another order or another process.
+        """
+        for name, value in self._order().items():
+            if state.get(name, "none") != value:
+                raise UsageError(
+                    f"stream: load_state_dict: expected the state of a stream with {name} {value}; "
+                    f"found {state.get(name, 'none')}. Make the stream as it was, or begin an epoch"
+                )
+        epoch, taken = state.get("epoch"), state.get("taken")
+        if not all(isinstance(number, int) and number >= 0 for number in (epoch, taken)):
+            raise UsageError(
+                "stream: load_state_dict: expected an epoch and a number of images taken, each 0 "
+                f"or more; found {epoch!r} and {taken!r}"
+            )
+        self._epoch, self._taken, self._skip = int(epoch), 0, int(taken)  # type: ignore[arg-type]
+
+    def _order(self) -> dict[str, Any]:
+        """What decides which images come in which order, but the epoch."""
+        mine, of = share_of_work()
+        names = ("seed", "window", "batch_size", "shuffle")
+        order = {name: getattr(self, name) for name in names}
+        return order | {"process": f"{mine} of {of}", "images": self._images}
 
     def __iter__(self) -> Iterator[Item]:
         skip, self._skip, self._taken = self._skip, 0, 0

@@ -75,6 +75,12 @@ def test_a_signal_while_the_program_loads(tmp_path, number, after):
     ("body", "status", "said"),
     [
         ("1 / 0", 1, "Error: unexpected ZeroDivisionError: division by zero. This is a fault of"),
+        (
+            "import os\nos.environ['RSA_DATA_CODE'] = 'mine:style'\n1 / 0",
+            1,
+            "Error: unexpected ZeroDivisionError: division by zero. This is a fault of rsa-data or "
+            "the code mine:style: `rsa-data --debug",
+        ),
         ("raise MemoryError", 1, "Error: out of memory"),
         ("raise OSError(28, 'No space left on device')", 1, "Error: No space left on device"),
         ("raise ValueError('a\\nb')", 1, "Error: unexpected ValueError: a b. This"),

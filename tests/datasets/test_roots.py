@@ -377,3 +377,8 @@ def test_a_damaged_note_of_the_root_is_refused(tmp_path, text):
     work.store.write("own/root.txt", text)
     with pytest.raises(RsaDataError, match=r"own/root\.txt: expected where .* Give --root PLACE"):
         index.find_root(work, "own")
+
+
+def test_a_root_that_is_no_utf8_is_refused():
+    with pytest.raises(UsageError, match=r"root: expected a name in UTF-8; found 'a\\udcff'"):
+        open_root("a\udcff")

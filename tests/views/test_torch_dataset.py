@@ -99,7 +99,29 @@ def test_it_continues_within_an_epoch(data, batch_size):
     first = [next(begun)["sample_id"] for _ in range(5)]
     other = data.stream(batch_size=batch_size, seed=1)
     other.load_state_dict(stream.state_dict())
+    assert other.state_dict() == stream.state_dict()  # a second stop before the first image
     assert first + [item["sample_id"] for item in other] == whole
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ({"seed": 2}, "with seed 1; found 2"),
+        ({"window": 3}, "with window 4; found 3"),
+        ({"batch_size": 8}, "with batch_size 16; found 8"),
+        ({"shuffle": False}, "with shuffle True; found False"),
+        ({"keep": [True] * 238 + [False]}, "with images "),
+        ({"process": "0 of 2"}, "with process 0 of 1; found 0 of 2"),
+        ({"taken": -1}, "each 0 or more; found 0 and -1"),
+        ({"epoch": "0"}, "each 0 or more; found '0' and 0"),
+    ],
+)
+def test_a_state_of_another_order_is_refused(data, change, found):
+    made = {"batch_size": 16, "seed": 1}
+    own = {key: value for key, value in change.items() if key not in ("process", "taken", "epoch")}
+    state = data.stream(**made | own).state_dict() | {k: change[k] for k in change.keys() - own}
+    with pytest.raises(UsageError, match=found):
+        data.stream(**made).load_state_dict(state)
 
 
 def test_images_that_are_left_out(data):
