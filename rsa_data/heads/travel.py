@@ -142,13 +142,18 @@ def from_address(address: str) -> "ScaleHead":
         return _from_hub(rest)
     if kind not in ("https", "http"):
         raise UsageError(f"--head {address}: expected https://... or hf://OWNER/NAME")
+    if "@" in rest.partition("/")[0]:
+        raise UsageError("--head: expected an address without a user's name or password in it")
     with tempfile.TemporaryDirectory() as folder:
         try:
             file = download(address, Path(folder) / "head", most=MAX_BYTES, where="--head")
         except (OSError, ValueError, HTTPError) as error:
             told = f"--head {address}: cannot be fetched: {http.reason(error)}"
             raise RsaDataError(told) from error
-        return from_file(file)
+        try:
+            return from_file(file)
+        except RsaDataError as error:  # the file is gone when this is read
+            raise RsaDataError(str(error).replace(str(file), f"--head {address}")) from error
 
 
 def _from_hub(rest: str) -> "ScaleHead":

@@ -1,8 +1,11 @@
 """Heads that travel: exported, read from a file, an address or by a ready name."""
 
+import functools
+import http.server
 import json
 import shlex
 import shutil
+import threading
 
 import numpy as np
 import pytest
@@ -140,3 +143,25 @@ def test_a_ready_head_knows_its_depth_model(work, shared, tmp_path, monkeypatch)
     place.write_bytes(b"other bytes")
     with pytest.raises(RsaDataError, match=f"expected sha256 {card.sha256}"):
         find(work, "rsa-depth-anything")
+
+
+def test_a_head_at_an_address_and_what_is_wrong_with_another(work, tmp_path):
+    travel.export_head(work, "one", tmp_path / "one.safetensors")
+    (tmp_path / "cut.safetensors").write_bytes((tmp_path / "one.safetensors").read_bytes()[:900])
+    handler = functools.partial(Quiet, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_address[1]}"
+        head = find(work, f"{address}/one.safetensors")
+        np.testing.assert_array_equal(head(FEATURES), find(work, "one")(FEATURES))
+        with pytest.raises(RsaDataError, match=f"--head {address}/cut.safetensors: expected a h"):
+            find(work, f"{address}/cut.safetensors")
+        with pytest.raises(UsageError, match="without a user's name or password") as refused:
+            find(work, f"{address.replace('//', '//me:word@')}/one.safetensors")
+        assert ":word" not in str(refused.value)
+        server.shutdown()
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        pass
