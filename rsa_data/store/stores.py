@@ -11,7 +11,8 @@ from typing import Protocol, runtime_checkable
 import pyarrow as pa
 
 from .. import registry
-from ..common.errors import RsaDataError
+from ..common.errors import RsaDataError, UsageError
+from ..common.text_files import encodable
 from .local import LocalStore
 
 
@@ -83,8 +84,13 @@ class Store(Protocol):
 
 
 def open_store(location: str | Path) -> Store:
-    """The store of a work dir: a folder, or s3://, gs:// or az://."""
+    """The store of a work dir: a folder, or s3://, gs:// or az://.
+
+    Raises UsageError for no name at all, and for one that is no UTF-8: commands print it.
+    """
     text = str(location)
+    if not text or not encodable(text):
+        raise UsageError(f"--work: expected the name of a folder in UTF-8; found {text!r}")
     if "://" not in text:
         return LocalStore(location)
     store = _opened(text, "--work")

@@ -6,8 +6,9 @@ import stat
 
 import pytest
 
-from rsa_data.common.errors import RsaDataError, TransientError
+from rsa_data.common.errors import RsaDataError, TransientError, UsageError
 from rsa_data.store.local import LocalStore
+from rsa_data.store.stores import open_store
 
 
 @pytest.fixture
@@ -68,3 +69,9 @@ def test_folders_that_cannot_be_flushed_are_written(store, monkeypatch, number):
     monkeypatch.setattr("os.fsync", refusing(os.fsync, errno.EIO, when=is_folder))
     with pytest.raises(TransientError, match="cannot write a/b"):
         store.write("a/b", b"one")
+
+
+@pytest.mark.parametrize("name", ["", "work\udcff"])
+def test_a_work_dir_has_a_name_that_can_be_printed(name):
+    with pytest.raises(UsageError, match="--work: expected the name of a folder in UTF-8; found"):
+        open_store(name)
