@@ -224,7 +224,8 @@ def known_datasets(work: WorkDir, wanted: tuple[str, ...]) -> list[str]:
 def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
     """Does the parts with failed rows again, in the order data flows, and what came from them.
 
-    Parts that were never done are left to their own command. A table that cannot be done again
+    A table whose last run was killed between its last part and its manifest is finished too. Parts
+    that were never done are left to their own command. A table that cannot be done again
     holds up no other: all are tried. Raises RsaDataError in the end when a table was made by
     options that cannot be found again, a part stays undone, or every row of a table still fails.
     """
@@ -238,7 +239,9 @@ def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
         names = [name for name in made if made[name] in order]
         for name in sorted(names, key=lambda name: (order.index(made[name]), name)):
             table = work.table(dataset, name)
-            if any(r.failed for r in table.receipts(table.parts())) or outdated(work, table):
+            killed = not table.complete() and not table.missing()
+            failed = any(receipt.failed for receipt in table.receipts(table.parts()))
+            if killed or failed or outdated(work, table):
                 try:
                     _run(jobs.job_of(work, dataset, name), replace(how, redo_failed=True))
                 except RsaDataError as error:

@@ -333,6 +333,12 @@ def test_mended_inputs_are_taken_in_by_retry_failed(tmp_path):
     assert [getattr(segments.receipt(2), k) for k in counts] == [2, 0, 0]
     assert [getattr(captions_.receipt(2), k) for k in counts] == [2, 0, 0]
     assert call("retry-failed") == ""
+    # As a run leaves it that was killed between its last part and the manifest.
+    manifest = work / "mine/segments/labels/_manifest.json"
+    whole = manifest.read_bytes()
+    manifest.unlink()
+    assert "nothing to do: 3 parts" in call("retry-failed")
+    assert manifest.read_bytes() == whole
 
 
 def test_start_over_with_auto_precision_chooses_again(tmp_path):
