@@ -89,6 +89,20 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     described = json.loads((folder / "work/heads/wide/_table.json").read_text())
     assert set(described["code"]) == {"wide:Wide", "inverse:INVERSE_L1", "focal:FOCAL"}
 
+    # Tables keep names with a hyphen; what they were typed as chooses them, and finds the code.
+    code = "office:office,wide:Wide"
+    chosen = "--style shares:SHARES --encoder letters:LETTERS --depth-model floor:build"
+    shell(f"rsa-data train-head --name plain {chosen} --validation 0.34 --epochs 1", folder)
+    said = shell("rsa-data robustness --head plain", folder, code=None, RSA_DATA_CODE=code)
+    assert "RSA_DATA_CODE=letters:LETTERS" in said
+    code += ",letters:LETTERS,shares:SHARES"
+    shell("rsa-data robustness --head plain", folder, RSA_DATA_CODE=code)
+    own = "--segments halves:build --depth-model floor:build"
+    predict = f"rsa-data predict photos/room_1/0.jpg {own} --head"
+    assert "wall, 50.0%" in shell(f"{predict} plain", folder, RSA_DATA_CODE=code)
+    said = shell(f"{predict} wide", folder, code=None, RSA_DATA_CODE=f"{code},focal:FOCAL")
+    assert "made for whole datasets only" in said
+
     # The source is part of the fingerprint: a changed module is another one.
     (folder / "shares.py").write_text(MODULES["shares"] + "\n# changed\n")
     again = (

@@ -58,7 +58,7 @@ class Entries(dict[str, str]):
             return super().__getitem__(name)
         if (entry := self.installed().get(name)) is not None:
             return entry.target
-        return name if name in allowed() else default
+        return _typed(name) or default
 
     def __missing__(self, name: str) -> str:
         if (found := self.get(name)) is None:
@@ -92,7 +92,7 @@ class Entries(dict[str, str]):
         if self.is_own(name):
             return None
         entry = self.installed().get(name)
-        target = entry.target if entry else name
+        target = entry.target if entry else _typed(name) or name
         about = {"code": target, "code_sha256": _module_sha256(target.partition(":")[0])}
         return about | ({"code_package": f"{entry.package} {entry.version}"} if entry else {})
 
@@ -137,13 +137,27 @@ def load(kind: str, name: str, target: str) -> Any:
 
 
 def not_allowed(kind: str, name: str) -> UsageError | None:
-    """The error for `module:attribute` that nobody typed; None where it is no such name."""
+    """The error for `module:attribute` that nobody typed; None where it is no such name.
+
+    name : as typed, or as tables have it, module-attribute.
+    """
+    module, _, attribute = name.rpartition("-")
+    if ":" not in name and _is_there(module):
+        name = f"{module}:{attribute}"
     if not _REFERENCE.fullmatch(name) or name in allowed():
         return None
     return UsageError(
         f"{kind} {name!r} is code that a file names; it is imported only if you name it yourself: "
         f"in the option, or with {CODE}={name}"
     )
+
+
+def _typed(name: str) -> str | None:
+    """The `module:attribute` that a name stands for where the user typed it.
+
+    name : the same, or module-attribute, as names of tables have it.
+    """
+    return next((word for word in allowed() if name in (word, word.replace(":", "-"))), None)
 
 
 @cache
@@ -165,7 +179,7 @@ def _is_there(module: str) -> bool:
     """Whether Python would find a module, or the package that it is in, without importing it."""
     top = module.partition(".")[0]
     try:
-        return util.find_spec(top) is not None
+        return bool(top) and util.find_spec(top) is not None
     except (ImportError, ValueError):
         return False
 

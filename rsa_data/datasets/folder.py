@@ -239,6 +239,12 @@ def _camera(root: Path, text: str) -> Camera:
     raise UsageError(f"folder: intrinsics: expected fx,fy,cx,cy in px, found {text!r}")
 
 
-def _natural(key: str) -> list[tuple[int, str]]:
-    """A sort key by which frame_9 comes before frame_10."""
-    return [(int(d), "") if d else (-1, t) for t, d in re.findall(r"(\D+)|(\d+)", key)]
+def _natural(key: str) -> str:
+    """A sort key by which frame_9 comes before frame_10: numbers by value and after all texts.
+
+    One text, since an index has all of them in memory at once.
+    """
+    return "".join(
+        f"\U0010ffff{len(number := str(int(d))):04d}{number}" if d else f"{t}\0"
+        for t, d in re.findall(r"(\D+)|(\d+)", key)
+    )

@@ -3,6 +3,7 @@
 import hashlib
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 import pyarrow as pa
@@ -14,6 +15,9 @@ from ..store.tables import Table
 
 # Bytes of an id's digest: what stays in memory of each sample.
 _DIGEST = 16
+
+# Rows of a batch.
+_ROWS = 4096
 
 
 def id_digests(ids: pa.ChunkedArray) -> np.ndarray:
@@ -49,7 +53,7 @@ class FoundSamples:
     """The samples of a dataset, table by table, in the order in which they were found.
 
     Nothing but a digest of each id stays in memory, so that an index of any number of shards needs
-    as much of it as one shard does.
+    as much of it as one shard does: they go to the file and come back in batches.
     """
 
     def __init__(self, name: str):
@@ -59,7 +63,8 @@ class FoundSamples:
         schema = schemas.schema("samples")
         options = pa.ipc.IpcWriteOptions(compression="zstd")
         self._writer = pa.ipc.new_file(pa.PythonFile(self._file, "w"), schema, options=options)
-        self._digests: list[np.ndarray] = []
+        self._digests: list[np.ndarray] = []  # of each batch
+        self._batches: list[int] = []  # of each table
 
     def __enter__(self) -> "FoundSamples":
         return self
@@ -69,15 +74,15 @@ class FoundSamples:
 
     def add(self, samples: pa.Table) -> None:
         """Keeps a table of samples, under the dataset's name in the work dir."""
-        named = self._named(samples)
-        schemas.check("samples", named)
-        if not len(named):
-            return
-        self._digests.append(id_digests(named["sample_id"]))
-        self.splits += [s for s in pc.unique(named["split"]).to_pylist() if s not in self.splits]
-        # One batch a table: `tables` gives back what was added.
-        (batch,) = named.combine_chunks().to_batches()
-        self._writer.write_batch(batch)
+        for start in range(0, len(samples), _ROWS):
+            named = self._named(samples.slice(start, _ROWS))
+            schemas.check("samples", named)
+            self._digests.append(id_digests(named["sample_id"]))
+            found = pc.unique(named["split"]).to_pylist()
+            self.splits += [split for split in found if split not in self.splits]
+            (batch,) = named.combine_chunks().to_batches()
+            self._writer.write_batch(batch)
+        self._batches.append(-(-len(samples) // _ROWS))
 
     def finish(self) -> None:
         """Raises RsaDataError when two samples have the same id."""
@@ -85,32 +90,35 @@ class FoundSamples:
         digests = np.sort(np.concatenate([*self._digests, np.empty(0, f"S{_DIGEST}")]))
         twice = digests[1:][digests[1:] == digests[:-1]]
         if len(twice):
-            there = [row for t in self.tables() for row in _rows_of(t, twice[0])]
+            there = [row for t in self._read() for row in _rows_of(t, twice[0])]
             raise RsaDataError(
                 f"{self.name}: expected one image for each key, found {there[0]['image']} and "
                 f"{there[1]['image']} with the same key "
                 f"{there[0]['sample_id'].partition('/')[2]}; remove or rename one of them"
             )
 
-    def tables(self) -> Iterator[pa.Table]:
-        """The tables again, as they were added."""
-        reader = pa.ipc.open_file(pa.PythonFile(self._file, "r"))
-        for number in range(reader.num_record_batches):
-            yield pa.Table.from_batches([reader.get_batch(number)])
-
-    def new(self, split: str, known: np.ndarray) -> Iterator[pa.Table]:
-        """The rows of one split in each table, without those whose ids are known.
+    def new(self, split: str, known: np.ndarray, most: int) -> Iterator[pa.Table]:
+        """The rows of one split whose ids are not known, at most so many of one table at a time.
 
         known : digests of ids, sorted, S16 (n,).
         """
-        for table, digests in zip(self.tables(), self._digests, strict=True):
-            place = np.searchsorted(known, digests)
-            there = np.zeros(len(digests), bool)
-            inside = place < len(known)
-            there[inside] = known[place[inside]] == digests[inside]
-            rows = table.filter(pc.and_(pc.equal(table["split"], split), pa.array(~there)))
-            if len(rows):
-                yield rows
+        batches = zip(self._read(), self._digests, strict=True)
+        for count in self._batches:
+            waiting: list[pa.Table] = []
+            for batch, digests in islice(batches, count):
+                mask = pc.and_(pc.equal(batch["split"], split), pa.array(~_among(digests, known)))
+                waiting.append(batch.filter(mask))
+                while sum(map(len, waiting)) >= most:
+                    rows = pa.concat_tables(waiting)
+                    yield rows.slice(0, most)
+                    waiting = [rows.slice(most)]
+            if any(map(len, waiting)):
+                yield pa.concat_tables(waiting)
+
+    def _read(self) -> Iterator[pa.Table]:
+        reader = pa.ipc.open_file(pa.PythonFile(self._file, "r"))
+        for number in range(reader.num_record_batches):
+            yield pa.Table.from_batches([reader.get_batch(number)])
 
     def _named(self, samples: pa.Table) -> pa.Table:
         tails = pc.replace_substring_regex(samples["sample_id"], "^[^/]*/", "")
@@ -124,6 +132,15 @@ def known_ids(tables: Iterable[pa.Table]) -> np.ndarray:
     """Digests of the ids in tables of samples, sorted, S16 (n,)."""
     found = [id_digests(table["sample_id"]) for table in tables]
     return np.sort(np.concatenate([*found, np.empty(0, f"S{_DIGEST}")]))
+
+
+def _among(digests: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which digests are among those known, which are sorted: bool (n,)."""
+    place = np.searchsorted(known, digests)
+    there = np.zeros(len(digests), bool)
+    inside = place < len(known)
+    there[inside] = known[place[inside]] == digests[inside]
+    return there
 
 
 def _rows_of(table: pa.Table, digest: bytes) -> list[dict[str, str]]:

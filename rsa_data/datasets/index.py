@@ -213,16 +213,14 @@ def _append(
     begun = False
     for split in sorted(found.splits, key=lambda s: (s != "train", s)):
         size = test_part_size if split in dataset.test_splits else part_size
-        for rows in found.new(split, known):
+        for part in found.new(split, known, size):
             if not begun:
                 table.forget_manifest()
                 begun = True
-            for start in range(0, len(rows), size):
-                part = rows.slice(start, size)
-                follows = sample_fingerprint(dataset.name, schemas.digest(part))
-                made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
-                number = next(numbers)
-                table.commit(number, part, made, redo=number in gone)
+            follows = sample_fingerprint(dataset.name, schemas.digest(part))
+            made = Made(ok=len(part), failed=0, skipped=0, split=split, fingerprint=follows)
+            number = next(numbers)
+            table.commit(number, part, made, redo=number in gone)
     table.manifest(table.parts())
 
 

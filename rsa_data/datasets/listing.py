@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -15,9 +16,10 @@ from ..store import schemas
 from .images import readable
 
 _DEEPEST = 40
+_AT_A_TIME = 4096
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Sample:
     """One row of samples before the dataset's name is put before its key.
 
@@ -46,7 +48,7 @@ def to_table(
     """The samples table of dataset `name`, sorted by split and sample_id.
 
     split : keep this split only; None for all. in_order : samples of a split stay in the order in
-        which they come, which is that of their shards.
+        which they come, which is that of their shards; their keys are not compared.
 
     Raises RsaDataError when nothing is left, when two samples have the same key, or when a file
     name is not UTF-8.
@@ -55,37 +57,43 @@ def to_table(
     rows.sort(key=(lambda s: s.split) if in_order else (lambda s: (s.split, s.key)))
     if not rows:
         raise nothing_found(name, root, split)
-    known: dict[tuple[str, str], Sample] = {}
-    for b in rows:
-        if (a := known.setdefault((b.split, b.key), b)) is not b:
-            raise RsaDataError(
-                f"{name}: expected one image for each key, found {a.image} and {b.image} with the "
-                f"same key {a.split}/{a.key}; remove or rename one of them"
-            )
-    cameras = [list(column) for column in zip(*(s.camera for s in rows), strict=True)]
+    if not in_order:  # those of shards are compared by FoundSamples, as those of all shards are
+        for a, b in pairwise(rows):
+            if (a.split, a.key) == (b.split, b.key):
+                raise RsaDataError(
+                    f"{name}: expected one image for each key, found {a.image} and {b.image} with "
+                    f"the same key {a.split}/{a.key}; remove or rename one of them"
+                )
     try:
-        return schemas.from_columns(
-            "samples",
-            {
-                "sample_id": [f"{name}/{s.split}/{s.key}" for s in rows],
-                "dataset": [name] * len(rows),
-                "split": [s.split for s in rows],
-                "scene": [s.scene for s in rows],
-                "image": [s.image for s in rows],
-                "depth": [s.depth for s in rows],
-                # Reading 48,000 headers would make of seconds minutes; the stages that decode know.
-                "width": [s.size[0] for s in rows],
-                "height": [s.size[1] for s in rows],
-                "fx": cameras[0],
-                "fy": cameras[1],
-                "cx": cameras[2],
-                "cy": cameras[3],
-            },
-        )
+        # Piece by piece: as lists of Python's objects, the columns of all would be the most memory.
+        starts = range(0, len(rows), _AT_A_TIME)
+        return pa.concat_tables(_columns(name, rows[s : s + _AT_A_TIME]) for s in starts)
     except UnicodeEncodeError as error:
         raise RsaDataError(
             f"{name}: {root}: expected file names in UTF-8, found {error.object!r}; rename it"
         ) from error
+
+
+def _columns(name: str, rows: list[Sample]) -> pa.Table:
+    cameras = [list(column) for column in zip(*(s.camera for s in rows), strict=True)]
+    return schemas.from_columns(
+        "samples",
+        {
+            "sample_id": [f"{name}/{s.split}/{s.key}" for s in rows],
+            "dataset": [name] * len(rows),
+            "split": [s.split for s in rows],
+            "scene": [s.scene for s in rows],
+            "image": [s.image for s in rows],
+            "depth": [s.depth for s in rows],
+            # Reading 48,000 headers would make of seconds minutes; the stages that decode know.
+            "width": [s.size[0] for s in rows],
+            "height": [s.size[1] for s in rows],
+            "fx": cameras[0],
+            "fy": cameras[1],
+            "cx": cameras[2],
+            "cy": cameras[3],
+        },
+    )
 
 
 def nothing_found(name: str, root: Path, split: str | None) -> RsaDataError:

@@ -12,6 +12,8 @@ from .shard_file import Shard
 
 # Columns of a row group that are kept: those that the readers of a part are in.
 _KEPT = 3
+# Rows that are Python's objects at one time.
+_ROWS = 4096
 _lock = threading.Lock()
 _columns: OrderedDict[tuple[str, int, int, str], pa.ChunkedArray] = OrderedDict()
 
@@ -34,12 +36,14 @@ def rows(shard: Shard, columns: list[str]) -> Iterator[tuple[int, int, dict[str,
         if not columns:
             yield from ((group, row, {}) for row in range(count))
             continue
+        row = 0
         try:
-            table = file.read_row_group(group, columns=columns, use_threads=False)
+            for batch in file.iter_batches(_ROWS, [group], columns, use_threads=False):
+                for values in batch.to_pylist():
+                    yield group, row, values
+                    row += 1
         except (pa.ArrowException, OSError) as error:
             raise RsaDataError(f"{shard.path}: row group {group}: {error}") from error
-        for row, values in enumerate(table.to_pylist()):
-            yield group, row, values
 
 
 def read(shard: Shard, group: int, row: int, name: str) -> bytes:

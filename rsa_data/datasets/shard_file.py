@@ -88,7 +88,8 @@ class _Blocks:
             with self.lock:
                 self.kept.clear()  # so that whoever tries again asks again
             raise
-        return data[start - first * BLOCK :][:length]
+        start -= first * BLOCK
+        return data[start : start + length]  # at once: a rest of the block would be copied, too
 
     def _block(self, number: int) -> Future[bytes]:
         if number not in self.kept:

@@ -4,10 +4,12 @@ import re
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from ..common.errors import RowError, RsaDataError
 from ..common.prefetch import ahead
@@ -23,6 +25,9 @@ _SPLIT = re.compile(r"(?:.*/)?(?:partial-)?(train|test|val)(?:idation)?(?:[-_./]
 
 # Shards that are read at once where they are far.
 _AT_ONCE = 16
+
+# Samples that are Python's objects at one time, each some hundred bytes more than in a table.
+_IN_MEMORY = 4096
 
 
 def find_shards(name: str, root: Path, *, suffix: str, listed: Path | None) -> list[str]:
@@ -51,10 +56,13 @@ def split_of(shard: str) -> str:
 
 def shard_table(name: str, root: Path, samples: Iterable[Sample]) -> pa.Table:
     """The samples of one shard, those of a split in its order; it may hold none."""
-    rows = list(samples)
-    if not rows:
-        return schemas.schema("samples").empty_table()
-    return to_table(name, root, rows, None, in_order=True)
+    waiting, tables = iter(samples), [schemas.schema("samples").empty_table()]
+    while some := list(islice(waiting, _IN_MEMORY)):
+        tables.append(to_table(name, root, some, None, in_order=True))
+    table = pa.concat_tables(tables)
+    if pc.count_distinct(table["split"]).as_py() < 2:
+        return table
+    return table.take(pc.sort_indices(table, [("split", "ascending")]))  # stable
 
 
 def index_of(name: str, shards: Shards, root: Path, split: str | None) -> pa.Table:
@@ -65,7 +73,7 @@ def index_of(name: str, shards: Shards, root: Path, split: str | None) -> pa.Tab
         found.finish()
         none = np.empty(0, "S1")
         splits = [s for s in sorted(found.splits) if split in (None, s)]
-        tables = [table for s in splits for table in found.new(s, none)]
+        tables = [table for s in splits for table in found.new(s, none, _IN_MEMORY)]
     if not tables:
         raise nothing_found(name, root, split)
     return pa.concat_tables(tables)

@@ -18,6 +18,7 @@ from ..common.errors import RsaDataError
 from ..common.typed import parse
 from ..runner.collection import Collection
 from ..store.encoding import to_json
+from ..store.table_names import plain_name
 from ..store.tables import WorkDir
 from .formats import FORMATS
 from .options import Measuring
@@ -131,7 +132,7 @@ def folder_name(measuring: Measuring, datasets: Sequence[str]) -> str:
     another split stands beside the first.
     """
     parts = [
-        measuring.protocol.replace(":", "-"),  # of module:attribute
+        plain_name(measuring.protocol),
         *([measuring.beyond] if measuring.beyond != "far" else []),
         *([measuring.split] if measuring.split != "test" else []),
         *(["+".join(datasets)] * bool(datasets)),

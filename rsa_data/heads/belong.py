@@ -6,6 +6,7 @@ from typing import Any
 
 from ..common import cards
 from ..common.errors import RsaDataError
+from ..store.table_names import plain_name
 from ..store.tables import Table, WorkDir, fingerprint
 from .description import Features
 from .inputs import kinds
@@ -34,6 +35,11 @@ class Tables:
     style: str | None = None
     encoder: str | None = None
     depth_model: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("style", "encoder", "depth_model"):
+            if (given := getattr(self, name)) is not None:
+                object.__setattr__(self, name, plain_name(given))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import current
 from ..datasets import index
-from ..store.table_names import check_name
+from ..store.table_names import check_name, plain_name
 from ..store.tables import Table, WorkDir
 from . import stages
 from .stage import Options, Stage
@@ -123,10 +123,13 @@ def job_of(work: WorkDir, dataset: str, table: str) -> Job:
 
 
 def choose(work: WorkDir, dataset: str, kind: str, wanted: str | None, option: str) -> str:
-    """The table `KIND/...` of a dataset: the wanted one, or the only one there is."""
+    """The table `KIND/...` of a dataset: the wanted one, or the only one there is.
+
+    wanted : its name, or the `module:attribute` that it was made by.
+    """
     there = [name for name in work.tables(dataset) if name.startswith(kind + "/")]
     if wanted is not None:
-        name = f"{kind}/{wanted}"
+        name = f"{kind}/{plain_name(wanted)}"
         if name in there:
             return name
     elif len(there) == 1:

@@ -11,7 +11,7 @@ from .. import registry
 from ..common import options as binding
 from ..common.entries import Entries
 from ..common.errors import UsageError
-from ..store.table_names import check_name
+from ..store.table_names import check_name, plain_name
 from ..store.tables import Table, WorkDir
 from .stage import GIVEN, Options, Stage
 
@@ -115,7 +115,7 @@ def label_of(choice: str, choices: Entries | None = None) -> str:
     else:
         name, _, argument = choice.partition(":")
     if ":" in name:
-        return name.replace(":", "-")
+        return plain_name(name)
     return f"{name}-{Path(argument).name}" if argument and name in ("hf", "files") else name
 
 

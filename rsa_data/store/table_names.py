@@ -20,6 +20,11 @@ def is_name(name: str) -> bool:
     return plain and ends and len(name.encode("utf-8", "replace")) <= _LONGEST
 
 
+def plain_name(choice: str) -> str:
+    """The name that tables of a choice have: module-attribute for `module:attribute`."""
+    return choice.replace(":", "-")
+
+
 def check_name(what: str, name: str) -> str:
     """The name itself if `is_name` and not in KEPT, else a UsageError that begins with `what`."""
     if check_plain(what, name) in KEPT:

@@ -11,6 +11,7 @@ from ..common.errors import RsaDataError, UsageError
 from ..common.outputs import check_output
 from ..runner import jobs
 from ..store import schemas
+from ..store.table_names import plain_name
 from ..store.tables import Table, WorkDir
 from . import data_card, export_rows, hub, webdataset
 
@@ -50,6 +51,7 @@ def export(
     check_output(out)
     if push is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", push):
         raise UsageError(f"--push: expected OWNER/NAME, found {push!r}")
+    embeddings, depth = (name and plain_name(name) for name in (embeddings, depth))
     names = list(datasets) or [n for n in work.datasets() if _has(work, n, embeddings)]
     if not names:
         raise RsaDataError(

@@ -132,7 +132,12 @@ def kind(name: str) -> Kind:
 
 
 def of_style(style: str | None) -> str:
-    """Which kind of input embeddings/STYLE/... are; None, of an imported head, is text."""
+    """Which kind of input embeddings/STYLE/... are; None, of an imported head, is text.
+
+    style : or the kind itself, where it is read from a table of its own.
+    """
+    if style and (":" in style or (style in list(registry.INPUTS) and kind(style).table)):
+        return style  # no table has a colon in its name
     return next((n for n in registry.INPUTS if style and kind(n).folder == style), "text")
 
 

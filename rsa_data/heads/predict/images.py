@@ -9,6 +9,7 @@ import numpy as np
 
 from ...common.errors import RowError, RsaDataError, UsageError
 from ...common.options import call
+from ...store.table_names import plain_name
 from ..reading import reads
 from .choices import Models
 
@@ -31,7 +32,12 @@ def segmenter_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
 
     used = {table.partition("/")[2] for table in (about.get("segments") or {}).values()}
     own = registry.SEGMENTERS[detect.DEFAULT]
-    known = [name for name in used if registry.SEGMENTERS.get(name) == own]
+    known = [
+        name
+        for name in used
+        if registry.SEGMENTERS.get(name) == own
+        or (name in registry.SEGMENTERS and not registry.SEGMENTERS.is_own(name))
+    ]
     default = known[0] if len(known) == 1 else detect.DEFAULT
     options: dict[str, Any] = {"segments": models.segments or default}
     for name in ("segmenter_weights", "card"):
@@ -79,7 +85,8 @@ def describer(
 
     options = segmenter_of(about, models)
     onnx = registry.SEGMENTERS[detect.DEFAULT]
-    is_model = registry.SEGMENTERS.get(options["segments"].partition(":")[0], onnx) == onnx
+    name = registry.SEGMENTERS.split(options["segments"])[0]
+    is_model = registry.SEGMENTERS.get(name, onnx) == onnx
     if is_model and importlib.util.find_spec("pycocotools"):
         options["masks"] = True
     find = detect.build(dataset=folder(), root=root, **options)
@@ -125,7 +132,7 @@ def depth_of(about: dict[str, Any], models: Models) -> dict[str, Any]:
             "give its model card with --depth-card, or the photos' relative depth from it with "
             "--relative"
         )
-    if models.depth_model not in (None, own):
+    if models.depth_model is not None and plain_name(models.depth_model) != own:
         raise UsageError(
             f"--depth-model {models.depth_model}: expected {own}, for which the head was trained: "
             "scale and shift of one depth model do not fit another one"
