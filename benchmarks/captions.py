@@ -12,7 +12,6 @@ Times are CPU seconds of this process, so that other work on the machine does no
 import argparse
 import io
 import os
-import random
 import sys
 import tarfile
 import time
@@ -22,19 +21,18 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import recording
+from peer_rows.plain_loop import DELETE, writer
 
 from rsa_data import registry
 from rsa_data.captions.blocks import composer
 from rsa_data.captions.caption_table import caption_table
 from rsa_data.captions.compose import Recipe
 from rsa_data.captions.options import Augmentation, Contents, WrongObjects
-from rsa_data.captions.words import word
-from rsa_data.common.tokenizers import Tokenizer, clip
+from rsa_data.common.tokenizers import clip
 from rsa_data.segments.rsa_release import parse
 from rsa_data.segments.segments import to_table
 from rsa_data.store import schemas
 
-DELETE = 0.2
 DEFAULT = Path(__file__).parents[2] / "shared" / "data" / "rsa_release" / "nyu-train.tar.xz"
 
 
@@ -58,35 +56,10 @@ def read(release: Path) -> pa.Table:
     return to_table(ids, [found[n] for n in names])
 
 
-def loop(images: list[tuple[list[str], list[float]]], variants: int, tokenizer: Tokenizer) -> list:
-    """What one would write: every caption by itself. Returns rows of text and counts."""
-    rng = random.Random(0)
-    limit = tokenizer.max_tokens
-    known: dict[str, int] = {}
-    around = int(tokenizer.count(["An image with"])[0])
-    rows = []
-    for labels, areas in images:
-        largest = sorted(range(len(labels)), key=lambda i: -areas[i])
-        for variant in range(variants):
-            kept, used = [], around
-            for i in largest:
-                if variant and rng.random() < DELETE:
-                    continue
-                named = word(labels[i])
-                verb = "occupy" if named.is_plural else "occupies"
-                phrase = f"{named.name} {verb} {round(100 * areas[i], 2):.2f}% of the image"
-                tokens = known.get(phrase)
-                if tokens is None:
-                    tokens = known[phrase] = int(tokenizer.count([phrase])[0]) - 2
-                more = tokens + 1 if kept else tokens
-                if used + more <= limit:
-                    kept.append(phrase)
-                    used += more
-            if variant:
-                rng.shuffle(kept)
-            text = "An image with " + ", ".join(kept) if kept else "An image."
-            rows.append((text, len(labels), len(kept), used))
-    return rows
+def loop(images: list[tuple[list[str], list[float]]], variants: int) -> list:
+    """What one would write: every caption by itself. Returns rows of variant, text and counts."""
+    write = writer(variants)
+    return [row for labels, areas in images for row in write(labels, areas)]
 
 
 def best(what: Callable[[], object], times: int) -> tuple[float, object]:
@@ -134,10 +107,10 @@ def main() -> None:
         f"{len(images):,} images, {sum(len(a) for a, _ in images):,} segments, {captions:,} texts"
     )
 
-    slow, expected = best(lambda: loop(images, given.variants, tokenizer), given.repeat)
+    slow, expected = best(lambda: loop(images, given.variants), given.repeat)
     fast, made = best(lambda: write(segments, samples), given.repeat)
     assert isinstance(made, dict) and isinstance(expected, list)
-    plain = [row[0] for row in expected[:: given.variants]]
+    plain = [row[1] for row in expected[:: given.variants]]
     same = sum(
         a == b for a, b in zip(made["text"].to_pylist()[:: given.variants], plain, strict=True)
     )

@@ -26,6 +26,8 @@ DATASETS = Entries(
         "parquet": "rsa_data.datasets.parquet:parquet",
         "zip": "rsa_data.datasets.webdataset:zipped",
         "nyuv2-parquet": "rsa_data.datasets.hub_copies:nyuv2_parquet",
+        "nyuv2-fastdepth": "rsa_data.datasets.hub_copies:nyuv2_fastdepth",
+        "moge": "rsa_data.datasets.moge:moge",
         "nyuv2-labeled": "rsa_data.datasets.nyuv2_labeled:nyuv2_labeled",
         "synthetic-indoor": "rsa_data.datasets.synthetic.dataset:synthetic_indoor",
         "synthetic-street": "rsa_data.datasets.synthetic.dataset:synthetic_street",
@@ -114,17 +116,16 @@ IMAGE_ENCODERS = Entries(
     },
 )
 
+_DEPTH_BY_CARD = (
+    "tu2020", "depth-anything-v2-small", "depth-anything-small", "dpt-hybrid-midas",
+    "dpt-hybrid-finetuned", "midas-swin2-large-384", "midas-v21-small",
+)  # fmt: skip
+
 DEPTH_MODELS = Entries(
     "depth_models",
     {
         "files": "rsa_data.depth.files:build",
-        "tu2020": "rsa_data.depth.onnx:build",
-        "depth-anything-v2-small": "rsa_data.depth.onnx:build",
-        "depth-anything-small": "rsa_data.depth.onnx:build",
-        "dpt-hybrid-midas": "rsa_data.depth.onnx:build",
-        "dpt-hybrid-finetuned": "rsa_data.depth.onnx:build",
-        "midas-swin2-large-384": "rsa_data.depth.onnx:build",
-        "midas-v21-small": "rsa_data.depth.onnx:build",
+        **dict.fromkeys(_DEPTH_BY_CARD, "rsa_data.depth.onnx:build"),
     },
 )
 
@@ -169,13 +170,11 @@ STEPS = {
 }
 
 # Worker pools; see runner/engines/pool.py.
-ENGINES = Entries(
-    "engines",
-    {
-        "local": "rsa_data.runner.engines.local:Processes",
-        "ray": "rsa_data.runner.engines.ray:Actors",
-    },
-)
+_ENGINES = {
+    "local": "rsa_data.runner.engines.local:Processes",
+    "ray": "rsa_data.runner.engines.ray:Actors",
+}
+ENGINES = Entries("engines", _ENGINES)
 
 # Where work dirs and roots may lie, by the scheme of the address; folders need none.
 STORES = Entries(

@@ -1,56 +1,18 @@
-"""Occupancy captions as one would write them: an image at a time, in pandas or datasets.map.
-
-Plurals and tokens come from this project, so that the captions compare; the loop remembers the
-tokens of each phrase that it has seen.
-"""
+"""Occupancy captions by a plain loop, an image at a time, in pandas or datasets.map."""
 
 import json
-import random
 import sys
 import tempfile
 import time
 
 given = json.loads(sys.argv[1])
-DELETE, VARIANTS = 0.2, given["variants"]
-
-
-def writer():
-    from rsa_data.captions.words import word
-    from rsa_data.common.tokenizers import clip
-
-    tokenizer, rng, known = clip(), random.Random(0), {}
-    limit, around = tokenizer.max_tokens, int(tokenizer.count(["An image with"])[0])
-
-    def write(labels, areas):
-        largest = sorted(range(len(labels)), key=lambda i: -areas[i])
-        for variant in range(VARIANTS):
-            kept, used = [], around
-            for i in largest:
-                if variant and rng.random() < DELETE:
-                    continue
-                named = word(labels[i])
-                verb = "occupy" if named.is_plural else "occupies"
-                phrase = f"{named.name} {verb} {round(100 * areas[i], 2):.2f}% of the image"
-                tokens = known.get(phrase)
-                if tokens is None:
-                    tokens = known[phrase] = int(tokenizer.count([phrase])[0]) - 2
-                more = tokens + 1 if kept else tokens
-                if used + more <= limit:
-                    kept.append(phrase)
-                    used += more
-            if variant:
-                rng.shuffle(kept)
-            text = "An image with " + ", ".join(kept) if kept else "An image."
-            yield variant, text, len(kept), used
-
-    return write
-
-
 if given["way"] == "pandas":
     import pandas as pd
 
     begun = time.process_time()
-    write = writer()
+    from plain_loop import writer
+
+    write = writer(given["variants"])
     frame = pd.concat(pd.read_parquet(file) for file in given["files"])
     rows = [
         (image.sample_id, *one)
@@ -63,7 +25,9 @@ else:
     import datasets
 
     begun = time.process_time()
-    write = writer()
+    from plain_loop import writer
+
+    write = writer(given["variants"])
 
     def captions(batch):
         made = {"sample_id": [], "variant": [], "text": [], "n_kept": [], "n_tokens": []}

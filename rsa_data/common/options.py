@@ -200,8 +200,16 @@ def _convert(value: Any, parameter: inspect.Parameter, where: str) -> Any:
                 continue
         if isinstance(value, str) and kind is bool and value.lower() in ("true", "false"):
             return value.lower() == "true"
-    names = " or ".join(getattr(k, "__name__", str(k)) for k in kinds if k is not type(None))
+    names = " or ".join(_said(kind) for kind in kinds if kind is not type(None))
     raise UsageError(f"{where}: expected {names}, found {value!r}")
+
+
+def _said(kind: Any) -> str:
+    """A type as errors name it; of a Literal its values."""
+    if typing.get_origin(kind) is typing.Literal:
+        *others, last = map(str, typing.get_args(kind))
+        return f"{', '.join(others)} or {last}" if others else last
+    return str(getattr(kind, "__name__", kind))
 
 
 def help_text(function: Callable[..., Any], name: str) -> str:

@@ -3,6 +3,7 @@
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from .dataset import Dataset
 from .parquet import parquet
@@ -13,6 +14,18 @@ def nyuv2_parquet() -> Dataset:
     return _copy("nyuv2-parquet")
 
 
+def nyuv2_fastdepth() -> Dataset:
+    """NYUv2, part of FastDepth's training frames and its 654 test frames, from the hub; not run."""
+    # What the copy calls validation are the official test frames: nothing is chosen by them.
+    return replace(_copy("nyuv2-fastdepth"), test_splits=("val",), validation_splits=())
+
+
+def about(name: str) -> dict[str, Any]:
+    """What hub_copies.toml says of a copy."""
+    found = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))[name]
+    return dict(found)
+
+
 def _copy(name: str) -> Dataset:
-    about = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))[name]
-    return replace(parquet(**about["options"]), address=about["address"])
+    of = about(name)
+    return replace(parquet(**of["options"]), address=of["address"])

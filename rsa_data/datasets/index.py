@@ -43,7 +43,7 @@ def open_dataset(choice: str, given: Mapping[str, Any]) -> tuple[Dataset, dict[s
     plain = {
         k: v if isinstance(v, (int, float, bool, type(None))) else str(v) for k, v in bound.items()
     }
-    return replace(build(**bound), name=name), {
+    return replace(option_binding.call(build, **bound), name=name), {
         "dataset": builder,
         **plain,
         **sizes,

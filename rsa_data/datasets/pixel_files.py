@@ -3,6 +3,7 @@
 import io
 import math
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -23,11 +24,13 @@ class Png:
         of a palette its indices, of 1, 2 and 4 bits the numbers 0 to 1, 3 and 15.
     bits : bits a sample.
     colour : colour type of the header, as the constants above.
+    text : what its text chunks say, by keyword.
     """
 
     values: np.ndarray
     bits: int
     colour: int
+    text: Mapping[str, str]
 
     def described(self) -> str:
         """The kind in words, such as "8 bits, RGB"."""
@@ -54,17 +57,18 @@ def read_png(path: Path, wanted: str) -> Png:
     if width * height > MAX_PIXELS:
         raise RowError(f"expected at most {MAX_PIXELS} pixels, found {width} x {height}")
     try:
-        values = np.asarray(PngImageFile(io.BytesIO(data)))
+        image = PngImageFile(io.BytesIO(data))
+        values, text = np.asarray(image), {k: str(v) for k, v in image.text.items()}
     except MemoryError:
         raise
     except Exception as error:  # Pillow's decoders raise nearly every built-in kind
         raise RowError(f"unreadable PNG: {reason(error)}") from error
     if bits == 16 and colour == GREY:
-        return Png(values.astype(np.uint16), bits, colour)
+        return Png(values.astype(np.uint16), bits, colour, text)
     values = values.astype(np.uint8)
     if colour == GREY and bits in (2, 4):
         values //= 255 // (2**bits - 1)  # Pillow stretches grey to 0 to 255
-    return Png(values, bits, colour)
+    return Png(values, bits, colour, text)
 
 
 def read_tiff(path: Path) -> np.ndarray:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -25,34 +25,9 @@ from .tar_members import Entry, split_name
 
 
 @dataclass(frozen=True)
-class Fields:
-    """Which members and which fields of their JSON a sample takes; None: by default, or none."""
+class Members:
+    """Which members, and which fields of their JSON, a sample of a tar or zip is made of.
 
-    image: str | None
-    depth: str | None
-    scene: str | None
-    split: str | None
-    intrinsics: str | None
-    keys: str
-
-
-def webdataset(
-    *,
-    image: str | None = None,
-    depth: str | None = None,
-    depth_unit: str | None = None,
-    scene: str | None = None,
-    split: str | None = None,
-    intrinsics: str | None = None,
-    keys: str = "member",
-    file_list: Path | None = None,
-    min_depth: PositiveAmount = 1e-3,
-    max_depth: PositiveAmount = 80.0,
-) -> Dataset:
-    """Tar shards, as WebDataset and img2dataset write them; a part is a shard, read from its front.
-
-    Parameters
-    ----------
     image : ending of the members that are images, what follows the first dot of their names, such
         as jpg or rgb.png. Without it, the one member of a sample that ends like an image.
     depth : ending of the members with depth, 16-bit PNG, TIFF or .npy, such as depth.png.
@@ -68,66 +43,51 @@ def webdataset(
     min_depth : m, smaller depth counts as none.
     max_depth : m, larger depth counts as none.
     """
-    fields = Fields(image, depth, scene, split, intrinsics, keys)
-    return _dataset("webdataset", ".tar", tar_members.entries, fields, depth_unit, file_list,
-                    (min_depth, max_depth))  # fmt: skip
+
+    image: str | None = None
+    depth: str | None = None
+    depth_unit: str | None = None
+    scene: str | None = None
+    split: str | None = None
+    intrinsics: str | None = None
+    keys: Literal["member", "shard/member"] = "member"
+    file_list: Path | None = None
+    min_depth: PositiveAmount = 1e-3
+    max_depth: PositiveAmount = 80.0
 
 
-def zipped(
-    *,
-    image: str | None = None,
-    depth: str | None = None,
-    depth_unit: str | None = None,
-    scene: str | None = None,
-    split: str | None = None,
-    intrinsics: str | None = None,
-    keys: str = "member",
-    file_list: Path | None = None,
-    min_depth: PositiveAmount = 1e-3,
-    max_depth: PositiveAmount = 80.0,
-) -> Dataset:
+def webdataset(*, members: Members = Members()) -> Dataset:
+    """Tar shards, as WebDataset and img2dataset write them; a part is a shard, read from its front.
+
+    Parameters
+    ----------
+    members : which members and fields a sample is made of.
+    """
+    return _dataset("webdataset", ".tar", tar_members.entries, members)
+
+
+def zipped(*, members: Members = Members()) -> Dataset:
     """Zip files with images in them, as archives of datasets come; nothing is unpacked.
 
     Parameters
     ----------
-    image : ending of the members that are images, what follows the first dot of their names, such
-        as jpg or rgb.png. Without it, the one member of a sample that ends like an image.
-    depth : ending of the members with depth, 16-bit PNG, TIFF or .npy, such as depth.png.
-    depth_unit : unit of the depth files: m, cm, mm, or m/N for N steps a metre (m/256, m/5000).
-    scene : field of a sample's .json member that names its scene. Without it, the key's folder.
-    split : field of a sample's .json member that names its split. Without it, a file is of the
-        split that its folder or the start of its name says (val/, test.zip), else train.
-    intrinsics : field of a sample's .json member with fx, fy, cx, cy or the 3 x 3 matrix, in px.
-    keys : member: sample ids are the keys of members. shard/member: the file's name comes first,
-        where keys repeat from file to file.
-    file_list : file with the paths of the zip files to take, below the root, one a line.
-    min_depth : m, smaller depth counts as none.
-    max_depth : m, larger depth counts as none.
+    members : which members and fields a sample is made of.
     """
-    fields = Fields(image, depth, scene, split, intrinsics, keys)
-    return _dataset("zip", ".zip", zip_members.entries, fields, depth_unit, file_list,
-                    (min_depth, max_depth))  # fmt: skip
+    return _dataset("zip", ".zip", zip_members.entries, members)
 
 
 def _dataset(
-    name: str,
-    suffix: str,
-    entries: Callable[[Shard], Iterator[Entry]],
-    fields: Fields,
-    depth_unit: str | None,
-    file_list: Path | None,
-    limits: tuple[float, float],
+    name: str, suffix: str, entries: Callable[[Shard], Iterator[Entry]], members: Members
 ) -> Dataset:
-    if fields.keys not in ("member", "shard/member"):
-        raise UsageError(f"{name}: keys: expected member or shard/member, found {fields.keys!r}")
-    find = partial(find_shards, name, suffix=suffix, listed=file_list)
-    shards = Shards(find, partial(_read, name, entries, fields))
+    limits = (members.min_depth, members.max_depth)
+    find = partial(find_shards, name, suffix=suffix, listed=members.file_list)
+    shards = Shards(find, partial(_read, name, entries, members))
     return Dataset(
         name=name,
         index=partial(index_of, name, shards),
-        read_depth=shard_depth(name, fields.depth, depth_unit, limits),
-        min_depth=limits[0],
-        max_depth=limits[1],
+        read_depth=shard_depth(name, members.depth, members.depth_unit, limits),
+        min_depth=members.min_depth,
+        max_depth=members.max_depth,
         scene=scene,
         shards=shards,
     )
@@ -157,7 +117,7 @@ def no_depth(path: Path) -> np.ndarray:
 def _read(
     name: str,
     entries: Callable[[Shard], Iterator[Entry]],
-    fields: Fields,
+    fields: Members,
     root: Path,
     shard: str,
 ) -> pa.Table:
@@ -168,7 +128,7 @@ def _samples(
     name: str,
     root: Path,
     entries: Callable[[Shard], Iterator[Entry]],
-    fields: Fields,
+    fields: Members,
     shard: str,
 ) -> list[Sample]:
     """The samples of one shard, in its order."""
@@ -187,7 +147,7 @@ def _samples(
     return [_sample(root, shard, fields, key, parts) for key, parts in members.items()]
 
 
-def _sample(root: Path, shard: str, fields: Fields, key: str, parts: dict[str, Entry]) -> Sample:
+def _sample(root: Path, shard: str, fields: Members, key: str, parts: dict[str, Entry]) -> Sample:
     where = f"{shard}: {key}"
     image = fields.image
     if image is None:

@@ -13,8 +13,6 @@ import threading
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hub_server import hub, surroundings
 from shard_files import TABLES, TAR, as_parquet, as_tars, frames, tables
@@ -141,32 +139,6 @@ def test_tars_of_a_data_set_of_the_hub(tmp_path, expected):
         assert found[table].equals(expected[0][table]), table
     assert (tmp_path / "work" / "photos" / "root.txt").read_text() == root
     assert "expected a data set of the hub, found" in missing.stderr
-
-
-def test_a_named_copy_on_the_hub_needs_no_root(tmp_path):
-    """A stand-in for the copy: its columns as those have them who read it."""
-    made = {"rgb": [], "depth": []}
-    for parts in frames().values():
-        made["rgb"].append({"bytes": parts["png"], "path": None})
-        made["depth"].append({"bytes": parts.get("depth.png"), "path": None})
-    (tmp_path / "hub" / "data").mkdir(parents=True)
-    for split in ("train", "test"):
-        pq.write_table(pa.table(made), tmp_path / f"hub/data/{split}-00000-of-00001.parquet")
-    with hub(tmp_path / "hub", "jagennath-hari/nyuv2") as address:
-        words = ["embed-images", "--dataset", "nyuv2-parquet", "--encoder", "thumbnail"]
-        done = subprocess.run(
-            [sys.executable, "-m", "rsa_data", *words, "--work", str(tmp_path / "work")],
-            env=os.environ | surroundings(address, tmp_path / "cache"),
-            capture_output=True, text=True, timeout=300, check=False,
-        )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    work = WorkDir(tmp_path / "work")
-    samples = work.table("nyuv2-parquet", "samples")
-    assert [(r.split, r.rows) for r in samples.receipts(samples.parts())] == [
-        ("train", 10), ("test", 10),
-    ]  # fmt: skip
-    kept = (tmp_path / "work/nyuv2-parquet/root.txt").read_text()
-    assert kept == f"hf://datasets/jagennath-hari/nyuv2@{'c' * 40}"
 
 
 @pytest.mark.parametrize("place", ["hf://owner/name", "hf://datasets/name", "hf://models/a/b"])

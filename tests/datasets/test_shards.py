@@ -29,7 +29,7 @@ from rsa_data.datasets.depth_files import any_file
 from rsa_data.datasets.index import open_dataset
 from rsa_data.datasets.parquet import parquet
 from rsa_data.datasets.shard_listing import split_of
-from rsa_data.datasets.webdataset import webdataset, zipped
+from rsa_data.datasets.webdataset import Members, webdataset, zipped
 from rsa_data.runner import chains
 from rsa_data.runner.engines.pool import EngineOptions
 from rsa_data.store.tables import WorkDir
@@ -244,11 +244,11 @@ def test_splits_scenes_and_cameras_come_from_names_or_json(tmp_path):
         "x": "train",
     }  # fmt: skip
     options = {"scene": "room", "split": "part", "intrinsics": "k"}
-    (row, *_) = webdataset(**options).index(tmp_path, None).to_pylist()
+    (row, *_) = webdataset(members=Members(**options)).index(tmp_path, None).to_pylist()
     assert (row["split"], row["scene"]) == ("val", "kitchen")
     assert [row[k] for k in ("fx", "fy", "cx", "cy")] == [500, 510, 320, 240]
     with pytest.raises(RsaDataError, match=r"json: colour: expected a name"):
-        webdataset(scene="colour").index(tmp_path, None)
+        webdataset(members=Members(scene="colour")).index(tmp_path, None)
 
 
 def test_keys_that_repeat_from_shard_to_shard(tmp_path):
@@ -256,7 +256,7 @@ def test_keys_that_repeat_from_shard_to_shard(tmp_path):
         tar_of(tmp_path / f"{number}.tar", {"a.png": b"a"})
     with pytest.raises(RsaDataError, match="same key train/a"):
         webdataset().index(tmp_path, None)
-    rows = webdataset(keys="shard/member").index(tmp_path, None)
+    rows = webdataset(members=Members(keys="shard/member")).index(tmp_path, None)
     assert rows["sample_id"].to_pylist() == ["webdataset/train/0/a", "webdataset/train/1/a"]
 
 

@@ -28,7 +28,7 @@ class Hub(http.server.BaseHTTPRequestHandler):
         files = sorted(p.relative_to(self.root).as_posix() for p in self.root.rglob("*.*"))
         data, headers = b"", {"X-Repo-Commit": self.commit}
         api = f"/api/datasets/{self.name}"
-        if path in (f"{api}/revision/main", api):
+        if path == api or path.startswith(f"{api}/revision/"):
             data = json.dumps({"id": self.name, "sha": self.commit}).encode()
         elif path.startswith(f"{api}/tree/{self.commit}"):
             tree = [
