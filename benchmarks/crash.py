@@ -77,6 +77,8 @@ COMMANDS = (
     "show {sample} --out out/sample.png",
     "predict {image} --relative {relative} --head small --caption bed --out out/p --colours --ply",
     "retry-failed",
+    "detect --dataset synthetic-indoor:more --root rooms --segments coco-panoptic "
+    "--dataset-option scenes=1 --dataset-option test_scenes=1",
 )
 # An export is never written over: what a kill after its very end left is refused, and stays.
 _ONCE = ("export --format",)
