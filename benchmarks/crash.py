@@ -111,6 +111,10 @@ PRELOADED = (
 
 
 _TITLE = "Killed at its failpoints, then run again"
+_NOTE = (
+    "Moments are those that an undisturbed run passes. Each got one kill, but in the row of random "
+    "times, which is of the whole chain."
+)
 
 
 class Failed(Exception):
@@ -259,7 +263,9 @@ def record(trials: Trials, given: argparse.Namespace) -> None:
     print(f"  {trials.tried} tried, {trials.killed} killed, {trials.bad} otherwise", flush=True)
     if given.record:
         row = [trials.name, trials.moments, trials.killed, trials.bad]
-        recording.update("crash", _TITLE, ("command", "moments", "killed", "other bytes"), [row])
+        recording.update(
+            "crash", _TITLE, ("command", "moments", "killed", "other bytes"), [row], note=_NOTE
+        )
 
 
 def fill(words: str, rooms: Path) -> list[str]:

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from .harness import ANY, REFUSED, Attack
 from .images import folder, picture
 from .world import World
@@ -260,6 +262,39 @@ def attacks(world: World) -> Iterator[Attack]:
         placed = () if words.split()[0] in ("bogus", "--bogus", "list") else ("--work", "work")
         yield Attack(words, (*words.split(), *placed), lambda b: world.copy(b), mistakes=True)
     yield from _places(world)
+    yield from _outputs(world)
+
+
+def _outputs(world: World) -> Iterator[Attack]:
+    """Outputs over what is read, or in the middle of a work dir."""
+
+    def prepare(box: Path) -> None:
+        world.copy(box)
+        (box / "maps").mkdir()
+        (box / "photos").mkdir()
+        picture().save(box / "photos" / "a.png")
+        np.save(box / "maps" / "a.npy", np.ones((picture().height, picture().width), np.float32))
+        (box / "README.md").write_text("of something else")
+
+    predict = "predict photos --head head --caption x --relative maps"
+    for words, says in {
+        f"{predict} --out photos --kind png": "not read in the same call",
+        f"{predict} --out maps": "not read in the same call",
+        f"{predict} --out work/heads/head": "outside of the tables and heads",
+        f"{predict} --out work/synthetic-indoor/samples": "outside of the tables and heads",
+        "report --out work/heads/head/r.html": "outside of the tables and heads",
+        "report --out photos/a.png": "a name that ends in .html",
+        "show synthetic-indoor/test/00000_0 --out work/heads/head/a.png": "outside of the tables",
+        "export --out work/heads/head/new": "outside of the tables and heads",
+        "export-head head work/heads/head": "outside of the tables and heads",
+        "export-head head .": "expected a new folder",
+    }.items():
+        placed = (*words.split(), "--work", "work")
+        yield Attack(f"over what is there: {words}", placed, prepare, may=REFUSED, says=says)
+    for name in ("", "work\udcff"):
+        yield Attack(f"--work {name!r}", ("status", "--work", name), says="a folder in UTF-8")
+    odd = ("predict", "--head", "head", "--caption", "a\udcff", "--work", "work")
+    yield Attack("a caption that is no UTF-8", odd, lambda b: world.copy(b), says="expected UTF-8")
 
 
 def _places(world: World) -> Iterator[Attack]:
