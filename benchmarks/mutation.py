@@ -15,8 +15,9 @@ Call it until it says that nothing is left: each call goes on where the last one
 many minutes at most. Where the code of a mutant has changed since, another one is drawn. It writes
 benchmarks/results/mutation.json and mutation.md: what was caught, and the survivors, each with its
 reason from benchmarks/mutating/survivors.toml.
---again tries the survivors once more, with tests that are new since. The folder ../shared is not
-beside the copy, so tests that need it are skipped: the figures are those of any checkout.
+--again tries the survivors that have no reason once more, with tests that are new since. The
+folder ../shared is not beside the copy, so tests that need it are skipped: the figures are those
+of any checkout.
 """
 
 import argparse
@@ -153,14 +154,16 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     about = json.loads(drawn.read_text())
     mutants = about["mutants"]
     wanted = {None, "slow"} | ({"survived"} if again else set())
+    known = reasons()
 
     def left(slow: bool = False) -> list[tuple[int, list[tuple[str, float]]]]:
         """What can be tried now, cheapest first: place in the list of mutants, its tests."""
         found = []
         for number, m in enumerate(mutants):
-            if m.get("outcome") in wanted and m["key"][0].split("/")[1] not in later:
+            stays = m.get("outcome") == "survived" and (m.get("again") or tuple(m["key"]) in known)
+            if m.get("outcome") in wanted and not stays and m["key"][0].split("/")[1] not in later:
                 alone = not m["outer"] or m.get("outcome") == "slow"
-                if alone == slow and not (again and m.get("again")):
+                if alone == slow:
                     found.append((number, covering.choose(maps, tree, m, BUDGET)))
         return sorted(found, key=lambda f: sum(seconds for _, seconds in f[1][:3]))
 
@@ -199,6 +202,13 @@ def test_all(state: Path, tree: Path, drawn: Path, again: bool, deadline: float)
     return sum(m.get("outcome") in (None, "slow") for m in mutants)
 
 
+def reasons() -> dict[tuple[str, str, str, str], str]:
+    """Why a survivor stays, by its file, function, and its line before and after."""
+    told = tomllib.loads((ROOT / "benchmarks/mutating/survivors.toml").read_text("utf-8"))
+    return {(s["file"], s["function"], s["before"], s["after"]): s["reason"]
+            for s in told.get("survivor", [])}  # fmt: skip
+
+
 def report(drawn: Path) -> None:
     """Write the results; a survivor without a reason is listed as open."""
     about = json.loads(drawn.read_text())
@@ -207,9 +217,7 @@ def report(drawn: Path) -> None:
         return
     survivors = [m for m in tried if m["outcome"] == "survived"]
     at_first = len(survivors) + sum(bool(m.get("added")) for m in tried)
-    known = tomllib.loads((ROOT / "benchmarks/mutating/survivors.toml").read_text("utf-8"))
-    reasons = {(s["file"], s["function"], s["before"], s["after"]): s["reason"]
-               for s in known.get("survivor", [])}  # fmt: skip
+    known = reasons()
     controls = [c["outcome"] for c in about["controls"]]
     figures = {
         "seed": about["seed"],
@@ -248,7 +256,7 @@ def report(drawn: Path) -> None:
         file, function, before, after = m["key"]
         text += ["", f"## {file}{':' + function if function else ''}", "", "```diff",
                  f"- {before}", f"+ {after}", "```", "",
-                 reasons.get((file, function, before, after))
+                 known.get((file, function, before, after))
                  or f"OPEN: {m['by'] or 'no reason yet'}."]  # fmt: skip
     (RESULTS / f"mutation{suffix}.md").write_text("\n".join(text) + "\n", "utf-8")
     print(json.dumps(figures, indent=1))

@@ -44,7 +44,7 @@ class Description(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fiel
         return msgspec.structs.replace(self, made_with=UNSET)
 
 
-class Made(msgspec.Struct, kw_only=True, frozen=True, omit_defaults=True):
+class Made(msgspec.Struct, kw_only=True, frozen=True):
     """What the maker of a part knows of it.
 
     ok, failed, skipped : units that came in, by how they ended. split : of the samples.

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ..store.tables import Table
+from ..datasets import labels
+from ..store.tables import Table, WorkDir
 
 # Where images come from and under which terms; data/README.md says more.
 _SOURCES = {
@@ -18,7 +19,7 @@ _SOURCES = {
 }
 
 
-def card(chosen: dict[str, Table], counts: dict[str, int], format: str) -> str:
+def card(work: WorkDir, chosen: dict[str, Table], counts: dict[str, int], format: str) -> str:
     """README.md: what Hugging Face reads (YAML at its head), then what people read.
 
     chosen : the embeddings table of each dataset. counts : rows by DATASET/SPLIT.
@@ -46,7 +47,7 @@ def card(chosen: dict[str, Table], counts: dict[str, int], format: str) -> str:
             ("configuration", "split", "rows"), ((*k.split("/"), n) for k, n in counts.items())
         ),
         "",
-        *_table(("configuration", "made of", "terms"), ((n, *_source(n)) for n in chosen)),
+        *_table(("configuration", "made of", "terms"), ((n, *_source(work, n)) for n in chosen)),
         "",
         *_table(
             ("configuration", "captions", "encoder", "options", "files (sha256)"),
@@ -61,10 +62,11 @@ def _splits(name: str, counts: dict[str, int]) -> list[str]:
     return [key.split("/")[1] for key in counts if key.split("/")[0] == name]
 
 
-def _source(name: str) -> tuple[str, str]:
-    if name.startswith("synthetic"):
+def _source(work: WorkDir, name: str) -> tuple[str, str]:
+    if labels.is_synthetic(work, name):
         return "scenes rendered by rsa-data", "none"
-    return _SOURCES.get(name, ("a dataset of the exporter's own", "the exporter says"))
+    kind = work.table(name, "samples").description().options.get("dataset", name)
+    return _SOURCES.get(kind, ("a dataset of the exporter's own", "the exporter says"))
 
 
 def _made(name: str, table: Table) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ def export(
     begun = {name: _state(c.embeddings) for name, c in chosen.items()}
     try:
         with files.appearing(out) as unfinished:
-            counts = _write(chosen, unfinished, format)
+            counts = _write(work, chosen, unfinished, format)
             for name, tables in chosen.items():
                 if _state(tables.embeddings) != begun[name]:
                     raise RsaDataError(
@@ -77,7 +77,9 @@ def export(
     return counts
 
 
-def _write(chosen: dict[str, export_rows.Chosen], folder: Path, format: str) -> dict[str, int]:
+def _write(
+    work: WorkDir, chosen: dict[str, export_rows.Chosen], folder: Path, format: str
+) -> dict[str, int]:
     """Writes all parts and the data card; returns the rows, or images, by DATASET/SPLIT."""
     counts: dict[str, int] = {}
     for name, tables in chosen.items():
@@ -93,7 +95,7 @@ def _write(chosen: dict[str, export_rows.Chosen], folder: Path, format: str) -> 
                 count = len(rows)
             key = f"{name}/{split}"
             counts[key] = counts.get(key, 0) + count
-    text = data_card.card({n: c.embeddings for n, c in chosen.items()}, counts, format)
+    text = data_card.card(work, {n: c.embeddings for n, c in chosen.items()}, counts, format)
     (folder / "README.md").write_text(text, "utf-8")
     return counts
 

@@ -3,9 +3,10 @@
 import dataclasses
 import itertools
 
+from rsa_data.captions.wordings.counts import counts
 from rsa_data.captions.wordings.intrinsics import intrinsics
 from rsa_data.captions.wordings.occupancy import occupancy
-from rsa_data.heads.predict.paraphrases import paraphrases
+from rsa_data.heads.predict.paraphrases import paraphrases, wording_of
 
 CAPTION = "a small bathroom with a sink, a mirror and a towel"
 
@@ -18,6 +19,13 @@ def test_paraphrases_hold_the_same_objects():
         assert start == "a small bathroom"
         assert sorted(objects.split(", ")) == ["a mirror", "a sink", "a towel"]
     assert paraphrases("a room with a bed") == [] and paraphrases("An image.") == []
+
+
+def test_the_wording_is_that_of_the_training_captions_or_the_one_that_is_named():
+    about = {"captions": {"rooms": {"style": "occupancy"}}}
+    assert wording_of(about) is occupancy and wording_of(about, "counts") is counts
+    assert wording_of({}, "intrinsics") is intrinsics
+    assert wording_of({}) is wording_of(about, "own:words") is wording_of(about, "vlm") is None
 
 
 def test_paraphrases_follow_the_signs_of_the_wording():

@@ -112,6 +112,18 @@ def test_a_folder_of_photos_takes_one_description_and_a_map_each(work, tmp_path)
     np.testing.assert_allclose(depth, expected, atol=1)
 
 
+def test_frames_are_smoothed_in_order(work, tmp_path):
+    """The geometric mean over three frames, two at the ends; each frame told by itself."""
+    frames, maps = frames_with_maps(tmp_path)
+    told = {"caption": ("a kitchen", "a street", "a church"), "relative": maps}
+    raw = predict(work, frames, **told)
+    found = predict(work, frames, **told, smooth=3)
+    for name in ("scale", "shift"):
+        a, b, c = np.log([getattr(p, name) for p in raw])
+        expected = np.exp([(a + b) / 2, (a + b + c) / 3, (b + c) / 2])
+        assert [getattr(p, name) for p in found] == pytest.approx(expected, rel=1e-5)
+
+
 def test_frames_come_in_natural_order_without_hidden_files(work, tmp_path):
     frames, maps = frames_with_maps(tmp_path, ("f10.png", "f2.png", "f1.png"))
     (frames / "._f1.png").write_bytes(b"Mac OS X")
@@ -296,6 +308,8 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
         ("--caption a --caption b --relative y.npy", "without photos take one --caption"),
         ("nowhere --caption a", "expected an image, a video or a folder; there is none"),
         ("--caption a --relative y.npy --intrinsics 1,2", "expected fx,fy,cx,cy"),
+        ("--caption a --relative y.npy --intrinsics 0,5,4,3", "expected focal lengths above 0"),
+        ("--caption a --relative y.npy --intrinsics 5,0,4,3", "expected focal lengths above 0"),
         ("--caption a --relative y.npy --fov 200", "1 to 179"),
         ("--caption a --relative y.npy --out x.glb", "a textured mesh needs the photo"),
         ("a.png a.png --caption a --relative y.npy --out x.npy", "one file for several photos"),

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from rsa_data.cli.main import cli
 from rsa_data.common import options as binding
 from rsa_data.common.errors import RsaDataError, UsageError
+from rsa_data.heads import redescribed
 from rsa_data.heads.belong import Source, features_of
 from rsa_data.heads.card import model_card
 from rsa_data.heads.checkpoint import ScaleHead, build_network
@@ -19,7 +20,7 @@ from rsa_data.heads.inputs import kinds
 from rsa_data.heads.predict import calibration
 from rsa_data.heads.predict.asking import Asking
 from rsa_data.heads.predict.choices import Models
-from rsa_data.heads.predict.images import captions_of
+from rsa_data.heads.predict.images import captions_of, describer
 from rsa_data.heads.predict.nouns import objects_in, text_of
 from rsa_data.heads.predict.objects import things
 from rsa_data.heads.predict.predict import predict as predict_function
@@ -127,6 +128,25 @@ def test_new_photos_are_described_as_the_training_images_were(made):
     imported = {"captions": {"a": {"style": "import:texts"}}}
     with pytest.raises(UsageError, match="not written from segments"):
         captions_of(imported, Models())
+
+
+def test_segments_from_files_are_not_asked_for_masks(tmp_path):
+    """The release's hold none, and detect refuses what has no effect; here none are found."""
+    models = Models(segments=f"rsa-release:{tmp_path}")
+    with pytest.raises(RsaDataError, match=r"expected a folder seg_txt_panoptic"):
+        describer({}, tmp_path, models)
+
+
+@pytest.mark.parametrize("name", [name for name in HEADS if name != "image"])
+def test_an_image_described_anew_by_the_same_options_is_described_alike(made, name):
+    work, _, _ = made
+    (dataset,) = work.datasets()
+    source = Source(dataset, "samples", tuple(kinds.feed(table) for table in HEADS[name]))
+    images = np.arange(len(PHOTOS)), np.zeros(len(PHOTOS))
+    found = redescribed.inputs(work, source, None).read(work, 0, {}, variant=0)
+    for block, feed in zip(found, source.inputs, strict=True):
+        own = feed.read(work, dataset, 0)
+        np.testing.assert_allclose(block.rows(*images), own.rows(*images), rtol=1e-4, atol=1e-5)
 
 
 def test_a_head_of_objects_reads_those_that_a_caption_names(made):

@@ -305,6 +305,16 @@ def test_a_loss_by_its_logarithm_is_that_of_the_datasets_named():
     assert float(over_each(loss, dataset, log)) == pytest.approx(np.log(6) + 5)
 
 
+def test_batches_of_each_dataset_from_parts_that_do_not_fit_at_once(work):
+    toy(work, "nyuv2", n=200, rooms=50)
+    toy(work, "kitti", n=200, rooms=50, size=6.0)
+    options = FAST | {"batches": "each", "epochs": 1}
+    # Four parts of each, about 50 kB: three windows, then more than there are parts.
+    assert train_head(work, memory=1.2e-4, **options).description["epochs_run"] == 1
+    with pytest.raises(RsaDataError, match="expected parts of every dataset in memory at once"):
+        train_head(work, name="small", memory=3e-5, **options)
+
+
 def test_the_options_of_the_released_code_train(work):
     toy(work, "nyuv2")
     toy(work, "kitti", size=6.0)

@@ -60,6 +60,20 @@ def test_any_number_of_validation_images(work, validation):
     assert lopsided == (validation > 8)
 
 
+def test_a_head_is_out_of_date_once_a_table_of_its_training_changed(work):
+    train_head(work, **FAST)
+    assert HEADS.names(work) == ["head"] and HEADS.state(work, "head") == ""
+    captions = work.table("nyuv2", "captions/occupancy")
+    captions.commit(0, captions.read(0).slice(0, 39), captions.receipt(0).made, redo=True)
+    assert HEADS.state(work, "head") == (
+        "out of date: trained before nyuv2/captions/occupancy changed"
+    )
+    # Elsewhere, without its datasets, nothing is known against it.
+    for name in work.tables("nyuv2"):
+        work.table("nyuv2", name).start_over()
+    assert HEADS.state(work, "head") == ""
+
+
 def test_a_training_that_is_pushed_aside_leaves_the_other_ones_head(work):
     begun = []
 

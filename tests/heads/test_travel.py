@@ -77,9 +77,11 @@ def test_a_path_comes_before_a_name_and_a_name_before_a_ready_one(work, tmp_path
     with pytest.raises(UsageError, match="holds several: one, two"):
         find(work, None)
     # Of several the one of the default name, wherever it stands among them.
-    shutil.copytree(work.store.folder / "heads/two", work.store.folder / "heads/head")
+    for name, of in (("head", "two"), ("a", "one")):
+        shutil.copytree(work.store.folder / "heads" / of, work.store.folder / "heads" / name)
     np.testing.assert_array_equal(find(work, None)(FEATURES), find(work, "two")(FEATURES))
-    shutil.rmtree(work.store.folder / "heads/head")
+    for name in ("head", "a"):
+        shutil.rmtree(work.store.folder / "heads" / name)
     with pytest.raises(UsageError, match=r"Did you mean 'rsa-midas'"):
         find(work, "rsa-mida")
 

@@ -17,6 +17,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 from made_tables import write
+from msgspec.structs import replace
 from PIL import Image
 from tiny_encoders import captions, samples
 
@@ -25,7 +26,7 @@ from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.embeddings.embed import build
 from rsa_data.store import schemas
-from rsa_data.store.tables import Description, Made, WorkDir
+from rsa_data.store.tables import Description, Made, WorkDir, to_json
 from rsa_data.views.export import export
 
 TEXTS = ["An image.", "An image with a bed.", "An image.", "a", "An image.", "b"]
@@ -84,6 +85,17 @@ def test_the_card_names_files_counts_encoder_and_terms(work, tmp_path):
     assert "| nyuv2 | train | 6 |" in body
     assert "academic use" in body
     assert "| nyuv2 | occupancy | tiny | normalize=False | weights: ab12 |" in body
+
+
+def test_the_card_says_that_images_were_rendered_whatever_they_are_called(work, tmp_path):
+    samples = work.table("nyuv2", "samples")
+    about = replace(samples.description(), options={"dataset": "synthetic-indoor"})
+    work.store.write(f"{samples.path}/_table.json", to_json(about))
+    export(work, out=tmp_path / "out")
+    assert (
+        "| nyuv2 | scenes rendered by rsa-data | none |"
+        in (tmp_path / "out" / "README.md").read_text()
+    )
 
 
 def test_datasets_opens_it(work, tmp_path):
