@@ -64,3 +64,25 @@ def test_colours_of_rays_are_those_of_a_larger_picture():
     scene = desk.Picture("a", image, None, "", y, "", None, camera)
     found = rays(scene)
     np.testing.assert_array_equal(found.colours[:, 0], (found.up <= 0).astype(float))
+
+
+def test_the_view_is_filled_by_the_points_whatever_their_size():
+    """Nearly all points are in the frustum, and some near its border, at 1 m as at 100 m."""
+    pytest.importorskip("nicegui")
+    from rsa_data.views.playground.space import eye
+
+    rng = np.random.default_rng(0)
+    shape = rng.uniform((-1, -0.7, -4), (1, 0.7, -2), (500, 3))
+    for size in (1, 30):
+        points = shape * size
+        at = np.array(eye(points))
+        low, high = np.percentile(points, [5, 95], axis=0)
+        ahead = (low + high) / 2 - at
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, [0, 1, 0])
+        right /= np.linalg.norm(right)
+        away = points - at
+        up = np.abs(away @ np.cross(right, ahead)) / (away @ ahead) / np.tan(np.deg2rad(25))
+        across = np.abs(away @ right) / (away @ ahead) / np.tan(np.deg2rad(25)) / 1.1
+        worst = np.maximum(up, across)
+        assert 0.98 < np.mean(worst <= 1.001) < 1 and worst.max() > 0.9

@@ -43,8 +43,8 @@ class Models:
 class Hints:
     """What is known of the scene, or of the frames around.
 
-    known : a point of known depth as u,v,metres (pixel column and row, may be repeated). With a
-        head the prediction is corrected by it, without one the points alone give the depth.
+    known : a point of known depth as u,v,metres (pixel column and row, may be repeated); one gives
+        the scale, two or more give scale and shift, and with a head they correct what it says.
     range : depth of the nearest and of the farthest part (1st and 99th percentile) as near,far in
         metres; used like two points.
     smooth : number of consecutive frames over which scale and shift are averaged.

@@ -199,9 +199,14 @@ def objects(picture: Picture, depth: np.ndarray) -> list[Seen]:
 
 
 def file_of(picture: Picture, depth: np.ndarray, kind: str) -> bytes:
-    """The depth as .npy, .ply or .glb, or a coloured picture; raises ValueError for no surface."""
+    """The depth as .npy, .png (16 bits, mm), .ply or .glb, or a coloured picture.
+
+    Raises ValueError for no surface.
+    """
     if kind == ".npy":
         return bytes(maps.npy(depth))
+    if kind == ".png":
+        return maps.png(depth)
     if kind == "-colours.png":
         return maps.picture(maps.coloured(depth))
     colours = resized(picture.image, depth.shape[1], depth.shape[0])

@@ -19,7 +19,13 @@ from .panels import GRID, Bar, Panel, part
 from .ruler import Ruler
 from .space import Space
 
-_KINDS = {".npy": "Depth (.npy)", "-colours.png": "Colours", ".ply": "Points", ".glb": "Mesh"}
+_KINDS = {
+    ".npy": "Depth (.npy)",
+    ".png": "Depth (.png, mm)",
+    "-colours.png": "Colours",
+    ".ply": "Points",
+    ".glb": "Mesh",
+}
 
 
 def serve(models: desk.Models, port: int, show: bool) -> None:
@@ -65,6 +71,7 @@ class Page:
                 self.range = ui.label().classes("text-sm")
             with part("Points in metres: drag to turn"):
                 self.space = Space()
+                ui.button("Reset view", on_click=self.space.look).props("flat dense")
         with ui.element("div").style(GRID):
             with part("Distances"):
                 self.ruler.build()

@@ -58,7 +58,7 @@ class Bar:
     def __init__(self) -> None:
         colours = Range((0.0, 1.0)).ramp(9)
         stops = ",".join(f"rgb({r},{g},{b})" for r, g, b in colours.tolist())
-        with ui.row(wrap=False).classes("gap-1 text-xs shrink-0 items-stretch"):
+        with ui.row(wrap=False).classes("gap-1 text-xs shrink-0 items-stretch self-stretch"):
             ui.element("div").style(
                 f"width:0.8rem;min-height:{TALL // 2}px;background:linear-gradient(0deg,{stops})"
             ).props('role=img aria-label="colours from near (dark) to far (bright)"')

@@ -17,12 +17,14 @@ class Rays:
     The point of a ray is z * (right, up, -1), z = 1 / (scale * y + shift), m.
 
     right, up : float32 (n,). y : float32 (n,), relative depth. colours : (n, 3), 0 to 1.
+    spacing : between neighbours at 1 m, in m.
     """
 
     right: np.ndarray
     up: np.ndarray
     y: np.ndarray
     colours: np.ndarray
+    spacing: float
 
     def points(self, scale: float, shift: float) -> np.ndarray:
         """(n, 3), m, y up and z towards the viewer; nan where there is no depth."""
@@ -45,4 +47,4 @@ def rays(picture: desk.Picture) -> Rays:
     fx, fy, cx, cy = picture.view()
     down, across = (np.array(picture.image.shape[:2]) / picture.y.shape).tolist()
     colours = picture.image[(v * down).astype(int), (u * across).astype(int)]
-    return Rays((u - cx) / fx, (cy - v) / fy, y, colours / 255)
+    return Rays((u - cx) / fx, (cy - v) / fy, y, colours / 255, step / fx)

@@ -37,6 +37,13 @@ _MOVE = """
 """
 # The camera is placed again where the median depth has changed by more than this factor.
 _MOVED = 3.0
+# Vertical field of view of the 3-D view, degrees, and its width over its height at least.
+_FOV, _ASPECT = 50, 1.1
+_TALL = float(np.tan(np.deg2rad(_FOV / 2)))
+# Points as wide as this times their spacing cover the surface; three.js sizes them for 90 degrees.
+_COVER = 1.6
+# Where it looks from: a little to the right of the photo's camera, and above it.
+_FROM = np.array([0.12, 0.2, 1.05]) / np.linalg.norm([0.12, 0.2, 1.05])
 
 
 class Space:
@@ -44,7 +51,10 @@ class Space:
 
     def __init__(self) -> None:
         with ui.element("div").classes("w-full").style(f"height:{TALL}px") as place:
-            self.scene = ui.scene(width=400, height=TALL, grid=False, background_color="#e8e8ec")
+            self.scene = ui.scene(
+                width=400, height=TALL, grid=False, background_color="#e8e8ec",
+                camera=ui.scene.perspective_camera(fov=_FOV),
+            )  # fmt: skip
             self.scene.classes("w-full")
         self.empty = empty("Appears with the depth.", place).classes("text-black")
         self.points: Any = None
@@ -52,6 +62,7 @@ class Space:
         self.rays: Rays | None = None
         self.cube: list[Any] = []
         self.seen_at = 0.0
+        self.shown = np.zeros((0, 3))
 
     def clear(self) -> None:
         """Takes the points away."""
@@ -59,6 +70,7 @@ class Space:
             if found is not None:
                 found.delete()
         self.points, self.of, self.rays, self.cube, self.seen_at = None, None, None, [], 0.0
+        self.shown = np.zeros((0, 3))
         self.empty.set_text("Appears with the depth.")
 
     def show(self, picture: desk.Picture, scale: float, shift: float) -> None:
@@ -76,7 +88,7 @@ class Space:
         points = points[np.isfinite(points).all(1)]
         if not len(points):
             return
-        far, middle = -float(points[:, 2].min()), -float(np.median(points[:, 2]))
+        middle = -float(np.median(points[:, 2]))
         ui.run_javascript(
             _MOVE
             % {
@@ -84,17 +96,21 @@ class Space:
                 "points": json.dumps(self.points.id),
                 "scale": scale,
                 "shift": shift,
-                "size": max(far, 0.1) / 90,
+                "size": _COVER * self.rays.spacing * max(middle, 0.01) / _TALL,
                 "told": json.dumps(f"{scale:.6g} {shift:.6g}"),
             }
         )
         self.empty.set_text("")
+        self.shown = points
         if not self.seen_at / _MOVED < middle < self.seen_at * _MOVED:
-            self._look(points, middle)
+            self.look()
 
-    def _look(self, points: np.ndarray, middle: float) -> None:
-        """Places the camera behind and above the photo's own, and the cube on the ground."""
-        self.seen_at = middle
+    def look(self) -> None:
+        """Places the camera so that the points fill the view, and the cube on the ground."""
+        points = self.shown
+        if not len(points):
+            return
+        middle = self.seen_at = -float(np.median(points[:, 2]))
         for found in self.cube:
             found.delete()
         near = points[points[:, 2] > -1.5 * middle]
@@ -107,7 +123,31 @@ class Space:
                 left, ground + 1.1, -middle
             )
         self.cube = [cube, told]
+        x, y, z = eye(points)
+        to_x, to_y, to_z = _center(points)
         self.scene.move_camera(
-            0.12 * middle, 0.2 * middle, 0.05 * middle,
-            look_at_x=0, look_at_y=0, look_at_z=-middle, up_x=0, up_y=1, up_z=0, duration=0,
+            x, y, z,
+            look_at_x=to_x, look_at_y=to_y, look_at_z=to_z, up_x=0, up_y=1, up_z=0, duration=0,
         )  # fmt: skip
+
+
+def _center(points: np.ndarray) -> tuple[float, float, float]:
+    """The middle of the points, without the farthest of them."""
+    low, high = np.percentile(points, [5, 95], axis=0)
+    x, y, z = (low + high) / 2
+    return float(x), float(y), float(z)
+
+
+def eye(points: np.ndarray) -> tuple[float, float, float]:
+    """Where the camera stands so that all but few points (n, 3) are in its view."""
+    right = np.cross([0.0, 1.0, 0.0], _FROM)
+    right /= np.linalg.norm(right)
+    towards = points - _center(points)
+    up = np.cross(_FROM, right)
+    # A point is in view where its offset is at most tan times its distance along the view.
+    needed = (
+        np.maximum(np.abs(towards @ right) / (_TALL * _ASPECT), np.abs(towards @ up) / _TALL)
+        + towards @ _FROM
+    )  # (n,)
+    x, y, z = np.array(_center(points)) + float(np.percentile(needed, 99)) * _FROM
+    return float(x), float(y), float(z)
