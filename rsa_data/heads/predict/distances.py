@@ -29,7 +29,8 @@ def measure(
     the whole photo. prior : how far the head is off, see `known_depth.refine`.
     Raises as `known_depth.points`, `ends` and `fit` do.
     """
-    at, metres = known_depth.points(y, hints.known)
+    of = None if p.image is None else (y.shape[1], y.shape[0])
+    at, metres = known_depth.points(y, hints.known, of)
     pixels: list[tuple[float, float] | None] = [_pixel(text) for text in hints.known]
     if hints.range:
         ends = known_depth.ends(y, hints.range)

@@ -198,6 +198,12 @@ def relative_source(about: dict[str, Any], root: Path, models: Models) -> "Sourc
     relative = models.relative
     if relative is not None and relative.is_dir():
         return lambda name: of_image(read(relative, str(Path(name).with_suffix(""))), root, name)
+    if relative is not None and relative.suffix not in (".npy", ".png"):
+        raise UsageError(
+            f"--relative {relative}: expected a .npy or .png file, or a folder of them"
+        )
+    if relative is not None and not relative.is_file():
+        raise UsageError(f"--relative {relative}: expected a file or folder; there is none")
     if relative is not None:
         return lambda name: of_image(read(relative.parent, relative.stem), root, name)
     options = depth_of(about, models)

@@ -63,7 +63,11 @@ def opened(places: Iterable[Path]) -> Iterator[list[Photo]]:
             elif place.is_dir():
                 photos += _folder(place)
             else:
-                raise UsageError(f"{place}: expected an image, a video or a folder; there is none")
+                far = re.match(r"[a-z][a-z0-9]+:/", place.as_posix())
+                way = ": photos are read from files; download it first" if far else ""
+                raise UsageError(
+                    f"{place}: expected an image, a video or a folder; there is none{way}"
+                )
         try:
             yield photos
         finally:

@@ -14,7 +14,7 @@ from ...store.tables import WorkDir
 from .. import ready
 from . import needs
 from .choices import Hints, Models, View
-from .find import find
+from .find import find, in_work
 from .photos import opened
 from .prediction import Prediction
 from .run import Run
@@ -51,6 +51,18 @@ def predict(
     call that cannot be meant and RsaDataError, which lists them all, when files are missing.
     """
     texts = [*caption, *_lines(captions)]
+    if not photos and not texts and models.relative is None:
+        raise UsageError("predict: expected photos, --caption TEXT or --captions FILE")
+    if head is None and hints and texts and not in_work(work):
+        raise UsageError(
+            f"predict: a caption is read by a head, and {work.store.location} holds none: leave "
+            "--caption out, since known distances are enough, or name a --head"
+        )
+    if hints.smooth > 1 and head is None and hints and not texts:
+        raise UsageError(
+            "predict: --smooth averages what a head says of each frame; known distances are fitted "
+            "to each frame by itself: leave it out, or name a --head"
+        )
     try:
         loaded = None if head is None and hints and not texts else find(work, head)
     except MissingFile as error:
@@ -61,8 +73,6 @@ def predict(
     about: dict[str, Any] = loaded.description if loaded else {}
     with ExitStack() as stack:
         every = stack.enter_context(opened(photos))
-        if not every and not texts and models.relative is None:
-            raise UsageError("predict: expected photos, --caption TEXT or --captions FILE")
         if every and texts and len(texts) not in (1, len(every)):
             raise UsageError(
                 f"predict: expected one caption for all photos or one each; found {len(texts)} for "

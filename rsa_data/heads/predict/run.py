@@ -43,6 +43,7 @@ class Run:
         self.kinds = reads(about)
         self.ask: Asking | None = None
         self.without_depth = ""
+        self.shared: list[str] = []
 
     def over(self, photos: list[Photo]) -> Iterator[Prediction]:
         """The predictions, in order."""
@@ -56,6 +57,9 @@ class Run:
                 yield self._with_map(p) if self.models.relative else p
             return
         found = self._described(photos)
+        if len(photos) > 1 and self.hints.known:
+            shared = f"the same known points are taken to hold in all {len(photos)} photos"
+            self.shared = [shared]
         if self.hints.smooth > 1:
             found = iter(self._smoothed(list(found)))
         depth = _PerRoot(
@@ -168,6 +172,7 @@ class Run:
             p.notes.append("no objects: nothing looked for them (--segments NAME does)")
 
     def _measure(self, p: Prediction, y: np.ndarray) -> None:
+        p.warnings += self.shared
         measure(p, y, self.hints, self.about.get("prior"), self.head is not None)
 
     def _with_map(self, p: Prediction) -> Prediction:

@@ -1,5 +1,6 @@
 """Which files a prediction is written to, and writing them."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,10 @@ from . import maps, space
 
 KINDS = (".npy", ".png", ".ply", ".glb")
 _READ = (*SUFFIXES, ".npy")
+# Endings of files that are not written; a folder of such a name would surprise.
+_OTHERS = re.compile(
+    r"\.(bmp|csv|exr|gif|gltf|h5|jpe?g|json|las|mat|mp4|npz|obj|pcd|pfm|stl|tiff?|txt|usdz|webp|xyz)"
+)
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,16 @@ def _named(stem: Path, ending: str) -> Path:
 
 
 def check(outputs: Outputs, several: bool) -> None:
-    """Raises UsageError, before anything runs, for a file that several photos would share."""
+    """Raises UsageError, before anything runs, for a file that several photos would share.
+
+    Also for a file of a format that is not written.
+    """
+    out = outputs.out
+    if out is not None and _OTHERS.fullmatch(out.suffix.lower()) and not out.is_dir():
+        raise UsageError(
+            f"--out {out}: expected a file {', '.join(KINDS)}, or a folder; {out.suffix} is not "
+            "written (--colours writes a picture)"
+        )
     if outputs.is_file and several:
         raise UsageError(
             f"--out {outputs.out}: one file for several photos: name a folder, without an ending"
