@@ -59,6 +59,7 @@ class FoundSamples:
     def __init__(self, name: str):
         self.name = name
         self.splits: list[str] = []
+        self.images = 0  # samples that have one
         self._file = tempfile.TemporaryFile(prefix="rsa-data-index-")  # noqa: SIM115  # __exit__
         schema = schemas.schema("samples")
         options = pa.ipc.IpcWriteOptions(compression="zstd")
@@ -79,6 +80,7 @@ class FoundSamples:
             schemas.check("samples", named)
             self._digests.append(id_digests(named["sample_id"]))
             found = pc.unique(named["split"]).to_pylist()
+            self.images += len(named) - named["image"].null_count
             self.splits += [split for split in found if split not in self.splits]
             (batch,) = named.combine_chunks().to_batches()
             self._writer.write_batch(batch)
@@ -94,7 +96,7 @@ class FoundSamples:
             raise RsaDataError(
                 f"{self.name}: expected one image for each key, found {there[0]['image']} and "
                 f"{there[1]['image']} with the same key "
-                f"{there[0]['sample_id'].partition('/')[2]}; remove or rename one of them"
+                f"{there[0]['sample_id'].partition('/')[2]}; {_way_out(there[0]['image'])}"
             )
 
     def new(self, split: str, known: np.ndarray, most: int) -> Iterator[pa.Table]:
@@ -141,6 +143,17 @@ def _among(digests: np.ndarray, known: np.ndarray) -> np.ndarray:
     inside = place < len(known)
     there[inside] = known[place[inside]] == digests[inside]
     return there
+
+
+def _way_out(image: str | None) -> str:
+    if ".parquet#" in str(image):
+        return (
+            "name a column that tells them apart by --dataset-option id=COLUMN, or number the rows "
+            "by --dataset-option keys=row"
+        )
+    if ".tar#" in str(image) or ".zip#" in str(image):
+        return "where keys repeat from shard to shard, give --dataset-option keys=shard/member"
+    return "remove or rename one of them"
 
 
 def _rows_of(table: pa.Table, digest: bytes) -> list[dict[str, str]]:

@@ -149,7 +149,12 @@ def index(
             beside = beside or left_out.told(listed)
             found.add(listed)
         found.finish()
-        if root is not None and not found.splits and len(fresh) == len(shards):
+        if root is not None and not found.images and len(fresh) == len(shards):
+            if found.splits:
+                raise RsaDataError(
+                    f"{dataset.name}: {root}: expected images, found none: "
+                    f"{beside or 'every sample is without one'}"
+                )
             raise nothing_found(dataset.name, root, None)
         if place is not None:
             work.store.write(f"{dataset.name}/root.txt", place.encode())

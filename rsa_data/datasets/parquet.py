@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pyarrow as pa
 
@@ -32,6 +32,7 @@ class Columns:
     split: str | None
     id: str | None
     intrinsics: str | None
+    keys: str
 
 
 def parquet(
@@ -43,6 +44,7 @@ def parquet(
     split: str | None = None,
     id: str | None = None,
     intrinsics: str | None = None,
+    keys: Literal["path", "row"] = "path",
     file_list: Path | None = None,
     min_depth: PositiveAmount = 1e-3,
     max_depth: PositiveAmount = 80.0,
@@ -59,13 +61,16 @@ def parquet(
     split : column that names the split. Without it, a file is of the split that its folder or the
         start of its name says (test-00000-of-00001.parquet), else train.
     id : column that names the sample. Without it, the path beside the image's bytes without its
-        ending, or the file's name and the row's number where there is none.
+        ending, or the file's name and the row's number where there is none, or one that is no
+        path of this dataset (an address, or a file of the machine that wrote it).
     intrinsics : column with fx, fy, cx, cy or the 3 x 3 camera matrix, px.
+    keys : path: without `id` a sample has the name of its image's path. row: it has the file's name
+        and the row's number, where paths repeat.
     file_list : file with the paths of the Parquet files to take, below the root, one a line.
     min_depth : m, smaller depth counts as none.
     max_depth : m, larger depth counts as none.
     """
-    columns = Columns(image, depth, scene, split, id, intrinsics)
+    columns = Columns(image, depth, scene, split, id, intrinsics, keys)
     find = partial(find_shards, "parquet", suffix=".parquet", listed=file_list)
     shards = Shards(find, partial(_read, columns))
     return Dataset(
@@ -96,10 +101,20 @@ def _samples(root: Path, columns: Columns, file: str) -> Iterator[Sample]:
     for group, row, values in parquet_rows.rows(shard, wanted):
         where = f"parquet: {file} row group {group} row {row}"
         path = images.path(values)
-        by_default = stem(path) if path else f"{stem(file)}/{group:04d}-{row:06d}"
-        key = _text(values, columns.id, where) if columns.id else by_default
-        if not is_path(key) or key.startswith("/") or ".." in key.split("/"):
-            raise RsaDataError(f"{where}: expected a sample's name, found {key!r:.60}")
+        key = f"{stem(file)}/{group:04d}-{row:06d}"
+        if columns.id:
+            key = _text(values, columns.id, where)
+            if not is_path(key) or key.startswith("/") or ".." in key.split("/"):
+                raise RsaDataError(f"{where}: expected a sample's name, found {key!r:.60}")
+        elif path and not images.inside and ("://" in path or path.startswith("/")):
+            raise RsaDataError(
+                f"{where}: {columns.image}: expected the path of an image below the root, found "
+                f"{path!r:.60}; images as addresses or as text (base64) are not read"
+            )
+        elif path and columns.keys == "path" and (not images.inside or _plain(path)):
+            key = stem(path)
+            if not is_path(key) or ".." in key.split("/"):
+                raise RsaDataError(f"{where}: expected a sample's name, found {key!r:.60}")
         camera = UNKNOWN
         if columns.intrinsics and values[columns.intrinsics] is not None:
             camera = from_numbers(values[columns.intrinsics], f"{where}: {columns.intrinsics}")
@@ -155,11 +170,17 @@ def _picture(schema: pa.Schema, name: str, file: str) -> _Picture:
     )
 
 
+def _plain(path: str) -> bool:
+    """Whether a text beside an image's bytes is a path of this dataset, by which it is known."""
+    parts = path.split("/")
+    return is_path(path) and not (set("\\?") & set(path) or {"", ".."} & set(parts))
+
+
 def _field(schema: pa.Schema, name: str, file: str) -> pa.Field:
     if "/" in name or name not in schema.names:
         raise RsaDataError(
             f"parquet: {file}: expected the column {name}, found {', '.join(schema.names)}. Name "
-            "another by --dataset-option"
+            "another by --dataset-option, or the files that have it by file_list"
         )
     return schema.field(name)
 

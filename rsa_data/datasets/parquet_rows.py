@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..common.errors import RowError, RsaDataError, TransientError
-from .shard_file import Shard
+from .shard_file import Shard, instead
 
 # Columns of a row group that are kept: those that the readers of a part are in.
 _KEPT = 3
@@ -24,7 +24,7 @@ def open_file(shard: Shard) -> pq.ParquetFile:
         return pq.ParquetFile(pa.PythonFile(shard.file(), mode="r"))
     except (pa.ArrowException, OSError) as error:
         raise RsaDataError(
-            f"{shard.path}: expected a Parquet file, found: {error}. Get it again, or move it away"
+            f"{shard.path}: expected a Parquet file, found: {instead(shard, error)}"
         ) from error
 
 

@@ -47,6 +47,25 @@ class Shard:
         return io.BufferedReader(_View(self.bytes), 1 << 16)
 
 
+# What stands in the place of a shard that was not got, by its first bytes.
+_INSTEAD = {
+    b"version https://git-lfs": "a pointer of Git LFS in its place; `git lfs pull` gets the file",
+    b"<": "a web page or XML, as servers send when one is not logged in",
+    b"\x1f\x8b": "a gzip file; unpack it: what is packed cannot be read from the middle",
+    b"\x28\xb5\x2f\xfd": "a file packed by Zstandard; unpack it first",
+}
+
+
+def instead(shard: Shard, found: object) -> str:
+    """What lies in the place of a shard that cannot be read. found : what its reader says."""
+    head = shard.span(0, 64).lstrip()
+    for start, what in _INSTEAD.items():
+        if head.startswith(start):
+            return what
+    said = str(found).rstrip(".") if head else "an empty file"
+    return f"{said}. Get it again, or move it away"
+
+
 class _Near:
     def __init__(self, path: Path):
         self.path, self.size = path, path.stat().st_size

@@ -42,8 +42,8 @@ def find_shards(name: str, root: Path, *, suffix: str, listed: Path | None) -> l
             others = ", ".join(sorted(files)[:4]) or "no file"
             raise RsaDataError(
                 f"{name}: {root}: expected shards *{suffix} in it, found {others}"
-                + ("; unpack .gz first: what is packed cannot be read from the middle"
-                   if any(file.endswith(suffix + ".gz") for file in files) else "")
+                + ("; unpack them first: what is packed cannot be read from the middle"
+                   if any(suffix + "." in file for file in files) else "")
             )  # fmt: skip
     return found
 

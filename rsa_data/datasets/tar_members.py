@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..common.errors import RowError, RsaDataError
-from .shard_file import Shard
+from .shard_file import Shard, instead
 
 _HEADER = tarfile.BLOCKSIZE
 
@@ -59,7 +59,9 @@ def entries(shard: Shard) -> Iterator[Entry]:
                 yield Entry(member.name, member.offset_data, member.size)
             end = tar.offset
     except (tarfile.TarError, UnicodeError, ValueError, OverflowError) as error:
-        raise _broken(shard, f"a tar, found: {error}") from error
+        raise RsaDataError(
+            f"{shard.path}: expected a tar, found: {instead(shard, error)}"
+        ) from error
     # tarfile takes a damaged header for the end.
     if shard.span(end, _HEADER).strip(b"\0") or end + _HEADER > shard.size:
         found = "a damaged header" if end + _HEADER <= shard.size else "the end of the file"

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.ranges import PositiveAmount
-from . import tar_members, zip_members
+from . import left_out, tar_members, zip_members
 from .dataset import Dataset, Shards
 from .depth_files import UNITS, any_file
 from .folder import scene
@@ -121,19 +121,21 @@ def _read(
     root: Path,
     shard: str,
 ) -> pa.Table:
-    return shard_table(name, root, _samples(name, root, entries, fields, shard))
+    members = _members(entries, Shard(root / shard), f"{name}: {shard}")
+    samples = [_sample(root, shard, fields, key, parts) for key, parts in members.items()]
+    without = {
+        key: parts
+        for (key, parts), sample in zip(members.items(), samples, strict=True)
+        if sample.image is None
+    }
+    table = shard_table(name, root, samples)
+    return left_out.without_image(table, shard, without, fields.image)
 
 
-def _samples(
-    name: str,
-    root: Path,
-    entries: Callable[[Shard], Iterator[Entry]],
-    fields: Members,
-    shard: str,
-) -> list[Sample]:
-    """The samples of one shard, in its order."""
-    where = f"{name}: {shard}"
-    file = Shard(root / shard)
+def _members(
+    entries: Callable[[Shard], Iterator[Entry]], file: Shard, where: str
+) -> dict[str, dict[str, Entry]]:
+    """The members of each sample of one shard by their endings, in its order."""
     members: dict[str, dict[str, Entry]] = {}
     for entry in entries(file):
         if (split := split_name(entry.name)) is None:
@@ -144,7 +146,7 @@ def _samples(
             raise RsaDataError(
                 f"{where}: expected one member {key}.{ending}, found two. Write the shard again"
             )
-    return [_sample(root, shard, fields, key, parts) for key, parts in members.items()]
+    return members
 
 
 def _sample(root: Path, shard: str, fields: Members, key: str, parts: dict[str, Entry]) -> Sample:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ..common.bounded import limit
 from ..common.errors import RowError, RsaDataError
-from .shard_file import Shard
+from .shard_file import Shard, instead
 from .tar_members import Entry
 
 # The local file header of APPNOTE.TXT, section 4.3.7: signature, version, flags, method, time,
@@ -39,7 +39,7 @@ def entries(shard: Shard) -> Iterator[Entry]:
                 yield Entry(info.filename, info.header_offset, info.compress_size)
     except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
         raise RsaDataError(
-            f"{shard.path}: expected a zip, found: {error}. Get it again, or move it away"
+            f"{shard.path}: expected a zip, found: {instead(shard, error)}"
         ) from error
 
 
