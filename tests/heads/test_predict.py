@@ -322,6 +322,7 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
         ("--caption a --relative y.npy --fov 200", "1 to 179"),
         ("--caption a --relative y.npy --out x.glb", "a textured mesh needs the photo"),
         ("a.png a.png --caption a --relative y.npy --out x.npy", "one file for several photos"),
+        ("--captions long.txt", "expected captions of at most 100,000 characters, found one of 5"),
         ("--caption a\udcff", "expected UTF-8 text; found 'a\\udcff'"),
         ("--caption a --relative y.npy --out work/heads/head/o.npy", "outside of the tables and"),
         ("--caption a --head hed", "Did you mean 'head'"),
@@ -335,6 +336,7 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
 def test_calls_that_do_not_add_up_are_refused(work, y, tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("a.png", np.zeros((6, 8, 3), np.uint8))
+    (tmp_path / "long.txt").write_text("a bed, " * 750_000)
     (tmp_path / "work/heads/head/_table.json").write_text("{}")  # as a training leaves it
     done = run(work, *words.split())
     assert done.exit_code != 0 and message in f"{done.output}{done.exception}"

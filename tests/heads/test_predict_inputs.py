@@ -1,6 +1,7 @@
 """predict with heads that read objects or the photo: as `evaluate` reads them from tables."""
 
 import json
+import time
 
 import cv2
 import numpy as np
@@ -224,6 +225,13 @@ def test_a_list_of_objects_reads_as_it_was_written():
     things = objects_in("bed 13.5%, wall 40.2%, chair").things
     assert objects_in(text_of(things)).things == things
     assert [thing.is_thing for thing in things] == [True, False, True]
+
+
+def test_the_longest_caption_is_read_in_time():
+    text = ("three bed " * 10_000)[:100_000]
+    begun = time.process_time()
+    assert len(objects_in(text).things) == 30_000
+    assert time.process_time() - begun < 3  # 0.2 s; 7 s where it took the square of its length
 
 
 def test_a_photo_without_objects_has_no_things():

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...common import bounded
 from ...common.errors import UsageError
 from ..checkpoint import ScaleHead
 from ..inputs.scene import Scene, Thing
@@ -46,8 +47,10 @@ class Asking:
         text : the caption. segments : the objects found in the photo; None: those that the caption
         names. image : uint8 (h, w, 3), RGB. What the head does not read may be None. spread : see
         `from_scenes`.
-        Raises UsageError where the head reads the photo and there is none.
+        Raises UsageError where the head reads the photo and there is none, RsaDataError for a text
+        that is too long.
         """
+        bounded.check_captions([text] if text is not None else [], "predict")
         if "image" in self.kinds and image is None:
             raise UsageError("this head reads the photo itself: give one")
         notes, warnings, found = [], [], None

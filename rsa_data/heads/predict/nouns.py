@@ -25,6 +25,7 @@ _NO_NAME = re.compile(
     re.IGNORECASE,
 )
 _MOST_WORDS = 3  # of a name that is in no table
+_LONGEST_COUNT = 40  # characters of a word for a count, with the spaces behind it
 _MOST_OBJECTS = 50  # of one count
 
 
@@ -98,7 +99,8 @@ def _named(phrase: str) -> Iterator[tuple[str, int]]:
     pattern, names, counts = _known()
     for match in pattern.finditer(phrase):
         name, plural = names[match[0].lower()]
-        before = phrase[: match.start()].split()
+        # The word before it: all that stands there would take the square of the phrase's length.
+        before = phrase[max(0, match.start() - _LONGEST_COUNT) : match.start()].split()
         number = before[-1].lower() if before else ""
         digits = int(number) if number.isdecimal() and len(number) < 4 else 0
         count = counts.get(number) or digits or (2 if plural else 1)
