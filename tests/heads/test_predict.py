@@ -438,6 +438,20 @@ def test_a_panorama_is_named_and_its_points_are_called_bent(work, tmp_path):
     assert p.warnings == ["the caption names no object that a class table has"]
 
 
+def test_one_wrong_point_among_five_is_left_out_with_a_head_too(work, tmp_path):
+    y = np.linspace(0.2, 1, 48, dtype=np.float32).reshape(6, 8)
+    np.save(tmp_path / "y.npy", y)
+    options = {"caption": ("a kitchen",), "relative": tmp_path / "y.npy"}
+    (plain,) = predict(work, **options)
+    right = [f"{u},{v},{1.1 * plain.depth[v, u]}" for u, v in ((0, 0), (3, 1), (5, 3), (7, 5))]
+    (p,) = predict(work, **options, known=(*right, f"4,4,{3 * plain.depth[4, 4]}"))
+    (only,) = predict(work, **options, known=right)
+    assert [k.used for k in p.known] == [True] * 4 + [False]
+    assert (p.scale, p.shift) == (only.scale, only.shift) != (plain.scale, plain.shift)
+    assert "(left out)" in p.notes[-1] and not any("do not agree" in w for w in p.warnings)
+    assert any("bear it out" in w for w in p.all_warnings)
+
+
 def test_a_work_dir_without_a_head_names_those_below_it(work, tmp_path):
     above = WorkDir(work.store.folder.parent)
     for name in (None, "hed"):

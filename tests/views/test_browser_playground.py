@@ -191,7 +191,7 @@ def test_a_picture_of_ones_own_is_shown_without_depth_where_there_is_no_model(ad
     with opened(address) as page:
         page.set_default_timeout(60000)
         page.locator("input[type=file]").set_input_files(tmp_path / "a.png")
-        page.get_by_text("No depth: the head's relative depth came from files").wait_for()
+        page.get_by_text("No depth: the head was trained on rendered relative depth").wait_for()
         page.get_by_text("assumed field of view of 65 degrees").wait_for()
 
 

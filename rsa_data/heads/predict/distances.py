@@ -44,7 +44,9 @@ def measure(
     else:
         p.words = (p.scale, p.shift)
     if head and len(at):
-        p.scale, p.shift = known_depth.refine(p.scale, p.shift, at, metres, prior)
+        known_depth.check_points(at, metres)
+        used = known_depth.agreeing(at, metres)
+        p.scale, p.shift = known_depth.refine(p.scale, p.shift, at[used], metres[used], prior)
     depths = to_metric(at.astype(np.float32), p.scale, p.shift)
     p.known = [
         Known(float(z), float(depth), bool(ok), pixel)

@@ -91,7 +91,7 @@ def fit(y: np.ndarray, metres: np.ndarray) -> Fit:
         scale = 1 / (near * metres.item())
         told = "one point gives the scale alone: the shift is assumed to be 0. Give a second one"
         return Fit(scale, 0.0, np.zeros(1), np.ones(1, bool), told)
-    used = _agreeing(y, metres) if len(y) >= 4 else np.ones(len(y), bool)
+    used = agreeing(y, metres)
     scale, shift = _least_squares(y[used], metres[used])
     inverse = scale * y + shift
     residuals = np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1) / metres - 1, np.inf)
@@ -122,8 +122,13 @@ def _least_squares(y: np.ndarray, metres: np.ndarray) -> tuple[float, float]:
     return float(scale), float(shift)
 
 
-def _agreeing(y: np.ndarray, metres: np.ndarray) -> np.ndarray:
-    """Which points agree with the pair whose line suits most points best; all, if none does."""
+def agreeing(y: np.ndarray, metres: np.ndarray) -> np.ndarray:
+    """Which points agree with the pair whose line suits most points best; all, if none does.
+
+    bool (k,). Of fewer than four points nobody can tell which one is wrong.
+    """
+    if len(y) < 4:
+        return np.ones(len(y), bool)
     few = np.linspace(0, len(y) - 1, min(len(y), 100)).astype(int)
     i, j = (few[k] for k in np.triu_indices(len(few), 1))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -9,10 +9,7 @@ import numpy as np
 from .camera import Camera
 from .objects import Seen
 
-UNLIKE = (
-    "unlike anything the head was trained on; do not trust this without a known point "
-    "(--known u,v,metres)"
-)
+_UNLIKE = "unlike anything the head was trained on; "
 
 
 # Of a scene in which the segmenter found nothing, for a head that reads its objects only.
@@ -138,7 +135,10 @@ class Prediction:
     @property
     def all_warnings(self) -> list[str]:
         """What may be wrong, that the caption is unlike the training captions among it."""
-        return [*([UNLIKE] if self.unlike else []), *self.warnings]
+        way = "do not trust this without a known point (--known u,v,metres)"
+        if self.known:
+            way = "trust it only as far as the known points bear it out"
+        return [*([_UNLIKE + way] if self.unlike else []), *self.warnings]
 
     def plain(self) -> dict[str, Any]:
         """The same as values of JSON, see docs/metres.md: null where something is not known."""
