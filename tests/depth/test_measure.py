@@ -364,6 +364,21 @@ def test_the_spread_that_is_said_is_that_of_percentiles(rooms):
     ]
 
 
+def test_the_largest_depth_that_float16_holds(rooms):
+    """65,504 m in IEEE 754's binary16; and the range of a map that holds nothing valid."""
+    depth = np.full((6, 8), 2, np.float32)
+    dataset = replace(ROOMS, read_depth=lambda path: depth)
+    measure = build(dataset=dataset, root=rooms, depth_model=f"files:{rooms}/y", pixels=8)
+    row = samples(("a", "train", "a.jpg", "x"))
+    depth[1, 1] = 65504
+    assert measure(row)["status"].to_pylist() == ["ok"]
+    depth[1, 1] = 65520
+    assert "too large for float16" in measure(row)["error"][0].as_py()
+    depth[:] = 12
+    depth[0] = 0, 0.0005, *[20] * 6
+    assert "it goes from 0.0005 to 20 m" in measure(row)["error"][0].as_py()
+
+
 def test_y_too_small_for_float16_fails(rooms):
     np.save(rooms / "y" / "a.npy", np.linspace(1e-8, 1e-7, 48).reshape(6, 8))
     (row,) = step(rooms)(samples(("a", "train", "a.jpg", "a.depth.png"))).to_pylist()

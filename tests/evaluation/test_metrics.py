@@ -58,6 +58,12 @@ def test_tensors_give_the_same_as_arrays():
     )
 
 
+def test_the_range_is_given_by_name():
+    """As np.percentile's method: two bare numbers would read as anything."""
+    with pytest.raises(TypeError, match="positional"):
+        metrics.depth_errors(np.ones(3), np.ones(3), 1e-3, 10.0)
+
+
 def test_a_perfect_prediction():
     gt = np.array([1.0, 2.0, 4.0])
     found = metrics.depth_errors(gt, gt, min_depth=1e-3, max_depth=10)

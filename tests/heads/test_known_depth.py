@@ -116,6 +116,10 @@ def test_points_where_y_is_not_defined_are_refused():
     y = np.array([[1.0, np.nan]], np.float32)
     with pytest.raises(UsageError, match=r"nothing there; .* is 0,0; all lie in columns 0 to 0"):
         known_depth.points(y, ["1,0,2"])
+    y = np.full((9, 9), np.nan, np.float32)
+    y[2:4, 5:8] = 1
+    with pytest.raises(UsageError, match=r"is 5,3; all lie in columns 5 to 7 and rows 2 to 3$"):
+        known_depth.points(y, ["0,8,2"])
 
 
 def test_points_are_pixels_of_the_photo_that_the_map_is_of():

@@ -65,6 +65,12 @@ def test_steps_that_are_no_count_are_left_open(tmp_path, steps):
     assert (head.description.get("imported") or {}).get("steps") is None
 
 
+def test_a_foreign_name_is_quoted_in_part(tmp_path):
+    torch.save({"model": {"x" * 500: [1]}}, tmp_path / "a.pt")
+    with pytest.raises(RsaDataError, match=f"found '{'x' * 40}': list$"):
+        ScaleHead.load(tmp_path / "a.pt")
+
+
 def test_measures_that_are_not_nine_numbers_are_refused(tmp_path):
     for wrong in (torch.zeros(8), torch.tensor([float("nan")] * 9)):
         path = checkpoint(tmp_path / "a.pt", best_eval_measures_nyu=wrong)

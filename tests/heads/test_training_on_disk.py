@@ -1,6 +1,7 @@
 """What trainings leave: whole heads, checked by digests, under the description they began with."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,6 +59,14 @@ def test_any_number_of_validation_images(work, validation):
     assert used.validation == "the split val"
     lopsided = "warning: void" in made.summary
     assert lopsided == (validation > 8)
+
+
+def test_what_is_not_the_case_stands_in_no_head(work):
+    """As in those of earlier versions: a head of real images says nothing of synthetic ones."""
+    about = json.loads(Path(train_head(work, **FAST).path, "head.json").read_text())
+    assert about["datasets"]["nyuv2"].keys() == {
+        "images", "validation_images", "validation", "min_depth", "max_depth", "tables",
+    }  # fmt: skip
 
 
 def test_a_head_is_out_of_date_once_a_table_of_its_training_changed(work):

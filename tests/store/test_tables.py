@@ -64,6 +64,17 @@ def test_the_same_part_gives_the_same_bytes(table, tmp_path):
     assert table.commit(0, embeddings(), COUNTS).sha256 == first.sha256
 
 
+def test_a_description_is_read_once_however_many_parts_are(table):
+    """In a bucket each read is a request."""
+    for number in range(3):
+        table.commit(number, embeddings(), COUNTS)
+    read, seen = table.store.read, []
+    table.store.read = lambda path: [seen.append(path), read(path)][1]
+    for number in range(3):
+        table.read(number)
+    assert sum(path.endswith("_table.json") for path in seen) == 1
+
+
 def test_without_a_receipt_a_part_is_not_done(table):
     table.commit(0, embeddings(), COUNTS)
     table.store.delete(f"{table.path}/_part-00000.json")
