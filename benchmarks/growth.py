@@ -13,8 +13,6 @@ maps of 24x32), verify, status, report and export. Figures go to docs/performanc
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 import tempfile
 import time
@@ -90,7 +88,7 @@ def measure(folder: Path, count: int) -> list[list[Any]]:
     found = []
 
     def one(name: str, command: list[str]) -> None:
-        cpu, megabytes = run(command)
+        cpu, _, megabytes, _ = recording.spent(command, {"OMP_NUM_THREADS": "1"})
         found.append([name, count, round(cpu, 2), round(1e6 * cpu / count, 1), round(megabytes)])
         print(*found[-1], flush=True)
 
@@ -100,20 +98,6 @@ def measure(folder: Path, count: int) -> list[list[Any]]:
         given = [word.format(folder=folder) for word in words]
         one(name, [sys.executable, "-m", "rsa_data", *given, "--work", work.store.location])
     return found
-
-
-def run(command: list[str]) -> tuple[float, float]:
-    """CPU seconds and peak MB of a command."""
-    with tempfile.TemporaryFile("w+") as said:
-        child = subprocess.Popen(
-            command, env=os.environ | {"OMP_NUM_THREADS": "1"}, stdout=said, stderr=said
-        )
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        if child.returncode:
-            said.seek(0)
-            sys.exit(f"{' '.join(command)}: {said.read()[-3000:]}")
-    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1000
 
 
 def pictures(folder: Path, count: int) -> None:

@@ -1,16 +1,14 @@
 """Ways of doing the same work, each a process of its own, and how a round is measured."""
 
 import json
-import os
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import recording
 
 from rsa_data.store import logs
 from rsa_data.store.tables import WorkDir
@@ -80,18 +78,7 @@ def process(given: Given, command: list[str]) -> tuple[float, float, float, str]
         "HF_HUB_OFFLINE": "1",
         "HF_HOME": str(given.folder / "hub"),
     }
-    begun = time.monotonic()
-    # A file, because a pipe that nobody empties would stop the process.
-    with (given.folder / "said").open("w+") as said, (given.folder / "errors").open("w+") as errors:
-        child = subprocess.Popen(command, env=os.environ | quiet, stdout=said, stderr=errors)
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        wall = time.monotonic() - begun
-        said.seek(0)
-        errors.seek(0)
-        if child.returncode:
-            sys.exit(f"{' '.join(command[:4])}: {errors.read()[-3000:]}")
-        return used.ru_utime + used.ru_stime, wall, used.ru_maxrss / 1000, said.read()
+    return recording.spent(command, quiet)
 
 
 def peer(

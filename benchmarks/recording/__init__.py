@@ -9,7 +9,10 @@ import json
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -72,6 +75,41 @@ def update(
     run = [commit(), round(os.getloadavg()[0])]
     merged = {**kept, **{row[0]: [*row, *run] for row in rows}}
     table(name, title, named, list(merged.values()), **how)
+
+
+# Runs the rest of its words, and writes CPU seconds, peak kB and status to the file named first.
+_LAUNCHER = """
+import os, sys
+pid = os.posix_spawn(sys.argv[2], sys.argv[2:], os.environ)
+_, status, used = os.wait4(pid, 0)
+with open(sys.argv[1], "w") as file:
+    file.write(f"{used.ru_utime + used.ru_stime} {used.ru_maxrss}")
+sys.exit(os.waitstatus_to_exitcode(status) and 1)
+"""
+
+
+def spent(
+    command: Sequence[str], env: Mapping[str, str] | None = None
+) -> tuple[float, float, float, str]:
+    """CPU seconds, wall seconds, peak MB and standard output of a command; exits where it fails.
+
+    env : variables beside those of this process. A process begins with the peak of the one that
+    started it (Linux), hence a small one in between.
+    """
+    with tempfile.TemporaryDirectory() as folder, (Path(folder) / "said").open("w+") as said:
+        file, errors = Path(folder) / "used", Path(folder) / "errors"
+        launcher = [sys.executable, "-S", "-E", "-c", _LAUNCHER, str(file), *command]
+        begun = time.monotonic()
+        with errors.open("w") as err:
+            done = subprocess.run(
+                launcher, env={**os.environ, **(env or {})}, stdout=said, stderr=err, check=False
+            )
+        wall = time.monotonic() - begun
+        if done.returncode:
+            sys.exit(f"{' '.join(command[:4])}: {errors.read_text()[-3000:]}")
+        cpu, peak = map(float, file.read_text().split())
+        said.seek(0)
+        return cpu, wall, peak / 1000, said.read()
 
 
 def machine() -> str:
