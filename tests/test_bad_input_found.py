@@ -147,8 +147,8 @@ def test_inputs_that_lead_back_to_their_table(tmp_path):
     changes = {"inputs": ["segments/labels"], "stage_version": detect.STAGE.version}
     changes["schema_version"] = schemas.definition("segments")["version"]
     path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
-    with pytest.raises(RsaDataError, match="its inputs lead back to it"):
-        status.status(work)
+    (told,) = status.status(work).broken
+    assert "its inputs lead back to it" in told
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from ..common import bounded
 from ..common.errors import RowError, UsageError
+from ..common.numbers import reals
 from ..common.progress import advance
 from ..common.ranges import Amount, AtOnce
 from ..common.tokenizers import Tokenizer
@@ -138,7 +139,7 @@ def cost_lines(captions: Iterable[pa.Table], prices: str | None) -> list[str]:
 def parse_prices(text: str) -> tuple[float, float]:
     """The two prices of --prices IN,OUT."""
     try:
-        one, other = (float(number) for number in text.split(","))
+        one, other = reals(text, 2)
         if 0 <= one < math.inf and 0 <= other < math.inf:
             return one, other
     except ValueError:

@@ -14,7 +14,7 @@ from ..heads.train.train_head import train_head as train_head_function
 from ..heads.travel import export_head as export_function
 from ..store.tables import WorkDir
 from . import console
-from .options import click_options
+from .options import FilePath, click_options
 from .shared import say_next, work_option
 
 # A caption of the release's structured texts, for heads of which no captions are known.
@@ -60,7 +60,7 @@ def train_head(work: str, **options: Any) -> None:
 @click.command("export-head")
 @work_option
 @click.argument("name")
-@click.argument("place", type=click.Path(path_type=Path))
+@click.argument("place", type=FilePath())
 def export_head(work: str, name: str, place: Path) -> None:
     """Write a head to take to another machine, with its model card.
 
@@ -80,7 +80,7 @@ def export_head(work: str, name: str, place: Path) -> None:
 
 @click.command("import-head")
 @work_option
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FilePath())
 @click_options(import_function)
 def import_head(work: str, file: Path, **options: Any) -> None:
     """Turn a released RSA checkpoint (.pt) into a head of the work dir.

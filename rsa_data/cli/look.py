@@ -10,7 +10,7 @@ from ..runner import recompute as recomputing
 from ..runner import status as state
 from ..runner import verify as checks
 from ..store.tables import WorkDir
-from .options import Number
+from .options import FilePath, Number
 from .shared import work_option
 
 
@@ -24,8 +24,15 @@ def status(work: str) -> None:
     \b
       rsa-data status
     """
-    for line in state.status(WorkDir(work)):
+    found = state.status(WorkDir(work))
+    for line in found.lines:
         click.echo(line)
+    for line in found.broken:
+        click.echo(f"broken: {line}", err=True)
+    if found.broken:
+        raise RsaDataError(
+            f"{len(found.broken)} of the files cannot be read; `rsa-data verify` tells all"
+        )
 
 
 @click.command()
@@ -60,7 +67,7 @@ def verify(work: str, recompute: int) -> None:
 @click.option("--head", help="Head that predicts; by default one that was trained on the dataset.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=FilePath(),
     default=Path("sample.png"),
     show_default=True,
     help="Picture file to write.",

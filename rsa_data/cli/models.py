@@ -9,8 +9,10 @@ import click
 from ..common import files
 from ..common.errors import RsaDataError
 from ..common.tables import table_lines
+from ..store.outputs import check_output, identities
 from ..views.models import check as checking
 from ..views.models import listing
+from .options import FilePath
 from .shared import key_values
 
 
@@ -54,8 +56,8 @@ def fetch(names: tuple[str, ...]) -> None:
     metavar="NAME=FILE",
     help="File of a model, instead of the download; may be repeated.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="JSON file of what was run.")
-@click.option("--table", type=click.Path(path_type=Path), help="Markdown table of what was run.")
+@click.option("--out", type=FilePath(), help="JSON file of what was run.")
+@click.option("--table", type=FilePath(), help="Markdown table of what was run.")
 def check(
     names: tuple[str, ...], weights: dict[str, Any], out: Path | None, table: Path | None
 ) -> None:
@@ -65,6 +67,9 @@ def check(
         click.echo(f"{result.name}: {result.state}" + (f": {result.reason}" * bool(result.reason)))
 
     given = {name: Path(path) for name, path in weights.items()}
+    for option, path in (("--out", out), ("--table", table)):
+        if path is not None:
+            check_output(path, option, identities(given.values()))
     found = checking.check(names or tuple(given), given, report)
     if out is not None:
         files.write(out, json.dumps(found, indent=2).encode())

@@ -42,7 +42,7 @@ def one_option(function: Callable[..., Any], name: str) -> Callable[[Command], C
 def _option(name: str, parameter: Any, text: str) -> tuple[str, dict[str, Any]]:
     """What click.option is called with: the flag, and everything else."""
     annotated = next(k for k in choices(parameter.annotation) if k is not type(None))
-    kind, limits = ranges.split(annotated)
+    kind, _ = ranges.split(annotated)
     required = parameter.default is parameter.empty
     sentence = text[:1].upper() + text[1:] + ("." if text else "")
     extra: dict[str, Any] = {"help": sentence, "required": required}
@@ -58,10 +58,22 @@ def _option(name: str, parameter: Any, text: str) -> tuple[str, dict[str, Any]]:
         extra |= {"is_flag": True} if parameter.default is False else {}
         declared += "" if parameter.default is False else f"/--no-{name.replace('_', '-')}"
     elif kind is Path:
-        extra |= {"type": click.Path(path_type=Path)}
+        extra |= {"type": FilePath()}
     else:
-        extra |= {"type": kind if limits is None else Number(annotated)}
+        extra |= {"type": Number(annotated) if kind in (int, float) else kind}
     return declared, extra
+
+
+class FilePath(click.Path):
+    """A path; an empty text, which would mean the current folder, is none."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            self.fail("expected a path; found nothing", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class Number(click.ParamType[Any]):
@@ -69,8 +81,7 @@ class Number(click.ParamType[Any]):
 
     def __init__(self, annotated: Any):
         self.kind, limits = ranges.split(annotated)
-        assert limits is not None
-        self.limits = limits
+        self.limits = limits or ranges.ANY
         self.name = "integer" if self.kind is int else "float"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:

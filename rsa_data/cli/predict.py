@@ -8,10 +8,13 @@ import click
 
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import call, parameters
+from ..heads.predict.find import is_path
+from ..heads.predict.photos import listed
 from ..heads.predict.predict import predict as predict_function
+from ..store.outputs import identities
 from ..store.tables import WorkDir
-from ..views.depth_files.write import Outputs, Writer, check
-from .options import click_options
+from ..views.depth_files.write import Outputs, Writer
+from .options import FilePath, click_options
 from .shared import work_option
 
 
@@ -21,8 +24,8 @@ def _files(*, outputs: Outputs = Outputs()) -> Outputs:
 
 @click.command()
 @work_option
-@click.argument("photos", nargs=-1, type=click.Path(path_type=Path), metavar="[PHOTO]...")
-@click.option("--image", "images", multiple=True, type=click.Path(path_type=Path), hidden=True)
+@click.argument("photos", nargs=-1, type=FilePath(), metavar="[PHOTO]...")
+@click.option("--image", "images", multiple=True, type=FilePath(), hidden=True)
 @click_options(predict_function)
 @click_options(_files)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON list and nothing else.")
@@ -42,23 +45,29 @@ def predict(
     """
     outputs = call(_files, **{name: options.pop(name) for name in parameters(_files)})
     places, said, failed = [*photos, *images], [], 0
-    relative = options.get("relative")
-    writer = Writer(outputs, [*places, *([relative] if relative else [])])
-    check(writer.outputs, several=len(places) > 1)
-    for found in call(predict_function, WorkDir(work), places, **options):
+    found = listed(places)
+    given = [value for value in options.values() if isinstance(value, Path)]
+    given += [Path(options["head"])] if options["head"] and is_path(options["head"]) else []
+    read = [*given, *(photo.path for photo in found), *(p for p in places if p.is_file())]
+    writer = Writer(outputs, identities(read) if outputs else ())
+    names = [photo.name for photo in found]
+    if not places and options["relative"]:
+        names = [options["relative"].name]
+    writer.check(names)
+    for result in call(predict_function, WorkDir(work), places, **options):
         try:
-            writer.write(found)
+            writer.write(result)
         except RsaDataError as error:
             if isinstance(error, UsageError):
                 raise
-            found.error = str(error)
-        failed += bool(found.error)
+            result.error = str(error)
+        failed += bool(result.error)
         if as_json:
-            said.append(found.plain())
+            said.append(result.plain())
         else:
-            for line in found.lines:
-                click.echo(line, err=bool(found.error))
-        found.depth = found.image = None
+            for line in result.lines:
+                click.echo(line, err=bool(result.error))
+        result.depth = result.image = None
     if as_json:
         click.echo(json.dumps(said, indent=2, ensure_ascii=False))
     if failed:

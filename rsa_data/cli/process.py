@@ -83,17 +83,19 @@ def _open_streams() -> None:
     """Makes the standard streams safe to write to.
 
     A closed one is opened on nothing: the next file opened would get its number, and what libraries
-    print would go into it. Characters that the encoding of a stream lacks are written as escapes,
-    and so are those that a terminal would obey.
+    print would go into it. Standard output is opened so that it cannot be written: what a command
+    prints there is lost, which is an error. Characters that the encoding of a stream lacks are
+    written as escapes, and so are those that a terminal would obey.
     """
     for number in (0, 1, 2):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)
+            os.open(os.devnull, os.O_RDONLY if number == 1 else os.O_RDWR)
     for name, stream in (("stdout", sys.stdout), ("stderr", sys.stderr)):
         if stream is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+            number = 1 if name == "stdout" else 2
+            setattr(sys, name, open(number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
     for name, kind in (("stdout", _Output), ("stderr", _Errors)):
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):

@@ -30,9 +30,10 @@ def part_range(ctx: click.Context, param: click.Parameter, value: str | None) ->
     if value is None:
         return None
     first, colon, last = value.partition(":")
-    if not colon or not first.isdigit() or not last.isdigit() or int(first) >= int(last):
+    numbers = [int(t) for t in (first, last) if t.isascii() and t.isdigit() and len(t) < 19]
+    if not colon or len(numbers) != 2 or numbers[0] >= numbers[1]:
         raise click.BadParameter(f"expected FIRST:LAST, last excluded, as in 0:8; found {value!r}")
-    return int(first), int(last)
+    return numbers[0], numbers[1]
 
 
 # Set in the context's meta while `rsa-data plan` runs another command.
@@ -63,6 +64,8 @@ def key_values(ctx: click.Context, param: click.Parameter, value: tuple[str, ...
 
 def root_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
     """A folder, or what reads like one; see `roots.open_root`."""
+    if value == "":
+        raise click.BadParameter("expected a place; found nothing")
     return None if value is None else open_root(value)
 
 

@@ -22,6 +22,7 @@ from typing import Any
 
 from . import text_files
 from .errors import RsaDataError, UsageError
+from .numbers import real
 from .units import parse_size, size
 
 _LONG_KEY = re.compile(r"""(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){64}""")
@@ -84,7 +85,7 @@ def _limits(text: str) -> dict[str, float]:
                 f"found {item!r}"
             )
         try:
-            amount = float(value.removesuffix("s")) if name in TIMES else parse_size(value, "")
+            amount = real(value.removesuffix("s")) if name in TIMES else parse_size(value, "")
         except (ValueError, RsaDataError) as error:
             raise UsageError(
                 f"{VARIABLE}: {name}: expected "

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from . import ranges
+from . import numbers, ranges
 from .errors import UsageError, unknown
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -195,7 +195,7 @@ def _convert(value: Any, parameter: inspect.Parameter, where: str) -> Any:
             return tuple(value)
         if isinstance(value, str) and kind in (int, float):
             try:
-                return kind(value)
+                return numbers.whole(value) if kind is int else numbers.real(value)
             except ValueError:
                 continue
         if isinstance(value, str) and kind is bool and value.lower() in ("true", "false"):

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import msgspec
 
 from .errors import UsageError
+from .numbers import real, whole
 from .typed import Count as Count
 
 _MANY = 2**53
@@ -22,6 +23,9 @@ AtOnce = Annotated[int, msgspec.Meta(ge=1, le=1024)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Amount = Annotated[float, msgspec.Meta(ge=0)]
 PositiveAmount = Annotated[float, msgspec.Meta(gt=0)]
+
+# Where an option says nothing of its range.
+ANY = msgspec.Meta(gt=-_MANY, lt=_MANY)
 
 
 def split(annotation: Any) -> tuple[Any, msgspec.Meta | None]:
@@ -40,7 +44,10 @@ def number(value: Any, kind: Any, limits: msgspec.Meta, where: str = "") -> Any:
     found, wanted = None, _wanted(math.nan, limits)
     if isinstance(value, (str, int, float)) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
-            found = kind(value)
+            if isinstance(value, str):
+                found = whole(value) if kind is int else real(value)
+            else:
+                found = kind(value)
     if isinstance(value, float) and found != value:
         found = None  # int() would cut
     if found is not None and not (wanted := _wanted(found, limits)):

@@ -25,7 +25,7 @@ def size(count: float) -> str:
 def parse_size(text: str, where: str) -> int:
     """Bytes of `4GB`, `500 MB` or `1.5TB`, decimal units; raises UsageError, `where` first."""
     powers = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
-    match = re.fullmatch(r"(\d{1,18}(?:\.\d+)?)\s*([A-Z]*)", text.strip().upper())
+    match = re.fullmatch(r"([0-9]{1,18}(?:\.[0-9]+)?)\s*([A-Z]*)", text.strip().upper())
     if not match or match[2] not in powers:
         raise UsageError(f"{where}: expected a size such as 4GB; found {text!r}")
     return int(float(match[1]) * powers[match[2]])

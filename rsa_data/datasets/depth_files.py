@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..common.errors import RowError, UsageError
+from ..common.numbers import real
 from .images import read_bytes
 from .pixel_files import GREY, float32, read_npy, read_png, read_tiff
 
@@ -20,7 +21,7 @@ def units_per_metre(text: str) -> float:
     """
     if text in UNITS:
         return UNITS[text]
-    per_metre = float(text.removeprefix("m/")) if text.startswith("m/") else 0.0
+    per_metre = real(text.removeprefix("m/")) if text.startswith("m/") else 0.0
     if not 0 < per_metre < float("inf"):
         raise ValueError(text)
     return per_metre

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError, RsaDataError, UsageError
+from ..common.numbers import reals
 from ..common.ranges import Amount, PositiveAmount
 from . import left_out
 from .cameras import UNKNOWN, Camera, read_matrix
@@ -231,7 +232,7 @@ def _camera(root: Path, text: str) -> Camera:
         path = root / inside(text, "folder: intrinsics")
         return read_matrix(path, "folder")
     try:
-        fx, fy, cx, cy = (float(v) for v in text.split(","))
+        fx, fy, cx, cy = reals(text, 4)
         if min(fx, fy) > 0 and np.isfinite((fx, fy, cx, cy)).all():
             return fx, fy, cx, cy
     except ValueError:

@@ -159,12 +159,19 @@ def _wrong(work: WorkDir, folder: str) -> list[str]:
         return _without_record(work, folder)
     lines = []
     for name, digest in found.files.items():
-        content = work.store.read(f"{folder}/{name}")
+        try:
+            content = work.store.read(f"{folder}/{name}")
+        except RsaDataError as error:
+            lines.append(str(error))
+            continue
         if content is None:
             lines.append(f"{folder}/{name}: expected this file; found none. Run it again")
         elif hashlib.sha256(content).hexdigest() != digest:
             lines.append(f"{folder}/{name}: damaged: its sha256 is not the one in {RECORD}")
-    now = heads_now(work, found.heads)
+    try:
+        now = heads_now(work, found.heads)
+    except RsaDataError:
+        return lines  # said where the heads are checked
     lines += [
         f"{folder}: out of date: the head {name} was trained again since"
         for name, digest in found.heads.items()
@@ -175,7 +182,10 @@ def _wrong(work: WorkDir, folder: str) -> list[str]:
 
 def _without_record(work: WorkDir, folder: str) -> list[str]:
     """Version 0.1 wrote no record, and its metrics do not say that there is one."""
-    metrics = work.store.read(f"{folder}/{_METRICS}")
+    try:
+        metrics = work.store.read(f"{folder}/{_METRICS}")
+    except RsaDataError as error:
+        return [str(error)]
     if metrics is not None:
         try:
             about = pq.read_schema(pa.BufferReader(metrics)).metadata or {}

@@ -21,9 +21,15 @@ def problems(work: WorkDir, name: str) -> list[str]:
     place = f"{work.store.location}/heads/{name}"
     try:
         about = ScaleHead.load(place).about
-        return _history(work, name, about) + _training(work, name, about)
     except RsaDataError as error:
         return [str(error)]
+    found = []
+    for check in (_history, _training):
+        try:
+            found += check(work, name, about)
+        except RsaDataError as error:
+            found.append(str(error))
+    return found
 
 
 def _history(work: WorkDir, name: str, about: Description) -> list[str]:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..common import bounded, http
 from ..common.errors import RsaDataError, UsageError
-from ..common.files import write
+from ..common.files import appearing, write
 from ..common.model_files import download
-from ..common.outputs import check_output
+from ..store.outputs import check_output
 from ..store.table_names import head_folder
 from ..store.tables import WorkDir, to_json
 from .card import model_card
@@ -31,26 +31,28 @@ def export_head(work: WorkDir, name: str, place: Path) -> list[Path]:
     """Writes a head of the work dir to take elsewhere, with its model card.
 
     place : a file NAME.safetensors, or else a folder.
-    Returns the files written. Raises RsaDataError when there is no such head, UsageError when the
-    place is taken by something else.
+    Returns the files written; the same head may lie there already. Raises RsaDataError when there
+    is no such head, UsageError when the place is taken by something else or kept by a work dir.
     """
     from safetensors.torch import load, save
 
     from .checkpoint import ScaleHead
 
-    check_output(place)
-    if place.suffix != ".safetensors":
+    single = place.suffix == ".safetensors"
+    if not single:
         _check_folder(place)
+    check_output(place, folder=not single)
     folder = f"{work.store.location}/{head_folder(name)}"
     head = ScaleHead.load(folder)
     data = work.store.read(f"heads/{name}/head.safetensors") or b""
     about = {**head.description, "weights": hashlib.sha256(data).hexdigest()}
     card = model_card(name, about, work)
-    if place.suffix == ".safetensors":
-        metadata = {_JSON: json.dumps(about), _CARD: card}
-        return _write({place: save(load(data), metadata)})
     files = {_WEIGHTS: data, _CARD: card.encode(), _JSON: to_json(about)}
-    return _write({place / file: content for file, content in files.items()})
+    if single:
+        metadata = {_JSON: json.dumps(about), _CARD: card}
+        files = {"": save(load(data), metadata)}
+    _write(place, files)
+    return [place / file for file in files]
 
 
 def _check_folder(place: Path) -> None:
@@ -62,13 +64,29 @@ def _check_folder(place: Path) -> None:
         raise UsageError(f"{place}: expected a new folder, or a name that ends in .safetensors")
 
 
-def _write(files: dict[Path, bytes]) -> list[Path]:
-    for path, data in files.items():
-        try:
-            write(path, data)
-        except OSError as error:
-            raise RsaDataError(f"{path}: cannot be written: {error.strerror or error}") from error
-    return list(files)
+def _write(place: Path, files: dict[str, bytes]) -> None:
+    """Writes a file, or a folder at once; nothing where these very bytes lie there already."""
+    try:
+        there = place.is_file() or (place.is_dir() and any(place.iterdir()))
+        if there and any(_bytes(place / file) != data for file, data in files.items()):
+            raise UsageError(
+                f"{place}: expected a new folder, or a name that ends in .safetensors and is not "
+                "there yet; found something else there. Delete it, or choose another name"
+            )
+        if there:
+            return
+        if "" in files:
+            write(place, files[""])
+        else:
+            with appearing(place) as unfinished:
+                for file, data in files.items():
+                    write(unfinished / file, data)
+    except OSError as error:
+        raise RsaDataError(f"{place}: cannot be written: {error.strerror or error}") from error
+
+
+def _bytes(path: Path) -> bytes | None:
+    return bounded.read(path, "record") if path.is_file() else None
 
 
 def from_file(path: Path) -> "ScaleHead":

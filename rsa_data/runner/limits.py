@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from ..common.errors import RsaDataError, UsageError
+from ..common.numbers import real, whole
 from ..common.units import size
 from .jobs import Job
 
@@ -13,10 +14,10 @@ _ENOUGH_ROWS = 50
 def parse_failures(text: str) -> float | int:
     """`5%` or `0.05` as a share (float), `100` as a count (int); raises UsageError."""
     try:
-        value = float(text[:-1]) / 100 if text.endswith("%") else float(text)
+        value = real(text[:-1]) / 100 if text.endswith("%") else real(text)
         count = "%" not in text and "." not in text
         if (value >= 0) if count else (0 <= value <= 1):
-            return int(text) if count else value
+            return whole(text) if count else value
     except ValueError:
         pass
     raise UsageError(

@@ -1,6 +1,11 @@
 """What a work dir holds: how far each table is, and what is out of date."""
 
+import os
+import shlex
 from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from .. import registry
@@ -8,7 +13,9 @@ from ..common.errors import RsaDataError
 from ..common.tables import table_lines
 from ..common.units import size
 from ..store import logs, schemas
-from ..store.tables import Table, WorkDir
+from ..store.local import LocalStore
+from ..store.outputs import is_dataset
+from ..store.tables import Receipt, Table, WorkDir
 from . import stages
 from .collection import Collection
 from .cpu import mixed
@@ -16,36 +23,84 @@ from .cpu import mixed
 _ROWS = ("ok", "failed", "skipped")
 
 
-def status(work: WorkDir) -> list[str]:
+@dataclass
+class Status:
+    """What a work dir holds, in lines; broken : what could not be read, a sentence each."""
+
+    lines: list[str] = field(default_factory=list)
+    broken: list[str] = field(default_factory=list)
+
+    def add(self, problem: str) -> None:
+        """Adds what could not be read, once."""
+        if problem not in self.broken:
+            self.broken.append(problem)
+
+
+def status(work: WorkDir) -> Status:
     """One line a table: parts, rows ok, failed, skipped, bytes, rate, and what is out of date."""
     need_work_dir(work)
-    lines: list[str] = []
+    found = Status()
     for dataset in work.datasets():
         total = len(work.table(dataset, "samples").parts())
-        rows: list[list[Any]] = []
-        for name in work.tables(dataset):
-            table = work.table(dataset, name)
-            parts, counts, cpus = table.parts(), Counter[str](), Counter[str]()
-            for receipt in table.receipts(parts):
-                counts.update({key: getattr(receipt, key) for key in (*_ROWS, "bytes")})
-                cpus[receipt.cpu] += 1
-            numbers = [f"{counts[key]:,}" for key in _ROWS]
-            done = f"{len(parts)}/{total}"
-            rate = logs.rate(logs.last_run(work, dataset, name))
-            speed = "" if rate is None else f"{rate:,.1f}"
-            rows.append(
-                [name, done, *numbers, size(counts["bytes"]), speed, _state(work, table, cpus)]
-            )
+        rows = [
+            _row(work.table(dataset, name), total, work, found) for name in work.tables(dataset)
+        ]
         header = ["table", "parts", "ok", "failed", "skipped", "size", "rows/s", ""]
-        lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
+        found.lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
     for folder, collection in collections():
         for name in collection.names(work):
-            lines.append(f"{folder}/{name}  {collection.state(work, name)}".rstrip())
-    return lines or [f"{work.store.location}: no dataset there yet"]
+            try:
+                state = collection.state(work, name)
+            except RsaDataError as error:
+                state = "cannot be read, see below"
+                found.add(str(error))
+            found.lines.append(f"{folder}/{name}  {state}".rstrip())
+    found.lines = found.lines or [f"{work.store.location}: no dataset there yet"]
+    return found
+
+
+def _row(table: Table, total: int, work: WorkDir, found: Status) -> list[Any]:
+    """The line of a table; of one that is broken what can be read."""
+    parts, counts, cpus = table.parts(), Counter[str](), Counter[str]()
+    wrong: list[str] = []
+    for receipt in readable(table, parts, wrong):
+        counts.update({key: getattr(receipt, key) for key in (*_ROWS, "bytes")})
+        cpus[receipt.cpu] += 1
+    state, rate = "cannot be read, see below", None
+    try:
+        rate = logs.rate(logs.last_run(work, table.dataset, table.name))
+        state = state if wrong else _state(work, table, cpus)
+    except RsaDataError as error:
+        wrong.append(str(error))
+    for text in wrong:
+        found.add(text)
+    speed = "" if rate is None else f"{rate:,.1f}"
+    numbers = [f"{counts[key]:,}" for key in _ROWS]
+    return [table.name, f"{len(parts)}/{total}", *numbers, size(counts["bytes"]), speed, state]
+
+
+def readable(table: Table, numbers: list[int], wrong: list[str]) -> Iterator[Receipt]:
+    """The receipts that can be read; what is wrong with the others is added to `wrong`."""
+    while numbers:
+        done = 0
+        try:
+            for receipt in table.receipts(numbers):
+                done += 1
+                yield receipt
+        except RsaDataError as error:
+            wrong.append(str(error))
+            done += 1
+        numbers = numbers[done:]
 
 
 def need_work_dir(work: WorkDir) -> None:
-    """Raises RsaDataError unless the work dir holds something."""
+    """Raises RsaDataError unless the work dir holds something, and is no folder inside of one."""
+    place = Path(work.store.location)
+    if isinstance(work.store, LocalStore) and is_dataset(place):
+        raise RsaDataError(
+            f"{place}: expected a work dir; found the folder of a dataset in one. Use "
+            f"--work {shlex.quote(str(Path(os.path.realpath(place)).parent))}"
+        )
     if not work.store.list(""):
         raise RsaDataError(
             f"{work.store.location}: expected a work dir; found nothing there. Name it by --work, "
@@ -99,17 +154,32 @@ def _outdated(
     inputs = [work.table(table.dataset, name) for name in table.description().inputs]
     old: set[int] = set()
     for source in inputs:
-        if source.exists():
+        if _described(source):
             if source.name not in known:
                 known[source.name] = _outdated(work, source, known, digests, (*above, table.name))
             old |= known[source.name]
         if source.name not in digests:
-            receipts = source.receipts(source.parts())
-            digests[source.name] = {r.part: r.digest for r in receipts}
+            numbers = source.parts()
+            digests[source.name] = dict.fromkeys(numbers, _UNKNOWN) | {
+                receipt.part: receipt.digest for receipt in readable(source, numbers, [])
+            }
     changed = set()
-    for receipt in table.receipts(table.parts()):
+    for receipt in readable(table, table.parts(), []):
         number, made_from = receipt.part, receipt.inputs
         for source in inputs:
-            if number in old or made_from.get(source.name) != digests[source.name].get(number):
+            now = digests[source.name].get(number)
+            if number in old or now not in (made_from.get(source.name), _UNKNOWN):
                 changed.add(number)
     return changed
+
+
+# In place of the digest of a part whose receipt is broken: that is told of its own table.
+_UNKNOWN = "unknown"
+
+
+def _described(table: Table) -> bool:
+    """Whether a table is there, with a description that can be read."""
+    try:
+        return table.exists() and bool(table.description())
+    except RsaDataError:
+        return False

@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..common.errors import RsaDataError
+from ..common.typed import parse
 from ..common.units import size
+from ..datasets import index
 from ..datasets.found_samples import check_once
-from ..store.receipts import is_table
+from ..store.receipts import LOCAL, is_table
 from ..store.table_names import KEPT
 from ..store.tables import Table, WorkDir
 from . import status
@@ -42,7 +44,7 @@ def verify(work: WorkDir, report: Report) -> int:
             problems += 1
     for folder, collection in status.collections():
         for name in collection.names(work):
-            for problem in collection.check(work, name):
+            for problem in _guarded(collection.check(work, name)):
                 report(f"{work.store.location}/{folder}/{name}: {problem}")
                 problems += 1
             checked.others += 1
@@ -51,6 +53,14 @@ def verify(work: WorkDir, report: Report) -> int:
     read = f"{checked.parts} parts, {size(checked.bytes)} and {checked.others} heads and results"
     report(f"{read} read: {problems or 'no'} problems")
     return problems
+
+
+def _guarded(problems: Iterator[str]) -> Iterator[str]:
+    """The problems; that one of them kept the rest from being read is a problem too."""
+    try:
+        yield from problems
+    except RsaDataError as error:
+        yield str(error)
 
 
 def _datasets(work: WorkDir) -> list[str]:
@@ -76,8 +86,10 @@ def _check_dataset(work: WorkDir, dataset: str, checked: Checked) -> Iterator[st
     samples = work.table(dataset, "samples")
     if "samples" not in [name for name, _ in folders]:
         yield f"{samples}: expected the samples of this dataset; found none"
+    yield from _root(work, dataset, checked)
     for name, described in folders:
         table = work.table(dataset, name)
+        yield from _local(table)
         if not described:
             yield f"{table}: expected _table.json, which says what made these parts; found none"
             continue
@@ -86,6 +98,29 @@ def _check_dataset(work: WorkDir, dataset: str, checked: Checked) -> Iterator[st
             yield from _check_table(work, table, expected, checked)
         except RsaDataError as error:
             yield str(error)
+
+
+def _root(work: WorkDir, dataset: str, checked: Checked) -> Iterator[str]:
+    """Where the dataset's files lie is known, or not: on another machine that is no problem."""
+    place = f"{work.store.location}/{dataset}"
+    try:
+        if index.find_root(work, dataset) is None:
+            checked.notes.append(
+                f"{place}: it is not known where the dataset's files lie, or they are not there: "
+                "commands that read them need --root"
+            )
+    except RsaDataError as error:
+        yield str(error)
+
+
+def _local(table: Table) -> Iterator[str]:
+    """_local.json, which may be missing."""
+    path = table.helper(LOCAL)
+    try:
+        if (data := table.store.read(path)) is not None:
+            parse(data, dict[str, Any], f"{table.store.location}/{path}")
+    except RsaDataError as error:
+        yield f"{error}. Delete it: the next run writes it again"
 
 
 def _expected(table: Table, samples: Table) -> list[int]:
@@ -103,8 +138,18 @@ def _check_table(
         yield f"{table}: {what}. Run the command of this table again"
     if more := sorted(set(there) - set(expected)):
         yield f"{table}: part {_listed(more)}: expected parts of the samples only"
-    manifest = table.stored_manifest()
+    manifest, whole = None, True
+    try:
+        manifest = table.stored_manifest()
+    except RsaDataError as error:
+        whole = False
+        yield str(error)
     merged = {receipt.part: receipt for receipt in manifest.parts} if manifest else {}
+    if manifest is None and whole and there and there == expected:
+        yield (
+            f"{table}: expected _manifest.json, since all parts are there; found none. Run the "
+            "command of this table again"
+        )
     if lost := sorted(set(merged) - set(there)):
         yield f"{table}: the manifest lists part {_listed(lost)}, which has no receipt"
     old = status.outdated(work, table)
@@ -117,7 +162,10 @@ def _check_table(
         except RsaDataError as error:
             yield str(error)
             continue
-        found, founded = check_part(work, table, number, receipt, checked)
+        try:
+            found, founded = check_part(work, table, number, receipt, checked)
+        except RsaDataError as error:
+            found, founded = [str(error)], True
         if not founded:
             unfounded.append(number)
         if number in old:

@@ -32,6 +32,10 @@ class LocalStore:
             raise self._explained("read", path, error) from error
 
     def open(self, path: str) -> pa.NativeFile:
+        try:
+            bounded.check_file(self.folder / path)  # a pipe would be waited for
+        except bounded.Refused as error:
+            raise self._explained("read", path, error) from error
         return pa.memory_map(str(self.folder / path))
 
     def size(self, path: str) -> int | None:
@@ -121,12 +125,14 @@ class LocalStore:
             temporary.unlink(missing_ok=True)
 
     def _explained(self, verb: str, path: str, error: OSError) -> RsaDataError:
-        what = f"{self.location}: cannot {verb} {path}: {error.strerror or error}. "
+        what = f"{self.location}: cannot {verb} {path}: {error.strerror or error}"
         if error.errno in _PASSING:
-            return TransientError(what + "This may pass: run the same command again")
+            return TransientError(what + ". This may pass: run the same command again")
+        if verb == "read":
+            return RsaDataError(what)
         return RsaDataError(
-            what + "What was committed before is valid; run the same command again once this is "
-            "mended."
+            what + ". What was committed before is valid; run the same command again once this "
+            "is fixed."
         )
 
 

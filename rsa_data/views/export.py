@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 
 from ..common import files
 from ..common.errors import RsaDataError, UsageError
-from ..common.outputs import check_output
 from ..runner import jobs
 from ..store import schemas
+from ..store.outputs import check_output
 from ..store.table_names import plain_name
 from ..store.tables import Table, WorkDir
 from . import data_card, export_rows, hub, webdataset
@@ -48,7 +48,7 @@ def export(
     """
     if out.exists():
         raise UsageError(f"--out {out}: expected a folder that is not there yet")
-    check_output(out)
+    check_output(out, "--out", folder=True)
     if push is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", push):
         raise UsageError(f"--push: expected OWNER/NAME, found {push!r}")
     embeddings, depth = (name and plain_name(name) for name in (embeddings, depth))

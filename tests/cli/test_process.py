@@ -107,9 +107,9 @@ def test_unexpected_errors_are_one_line(body, status, said):
     ("redirect", "status", "said"),
     [
         ("> /dev/full", 1, "Error: standard output cannot be written: "),
-        (">&-", 0, ""),
+        (">&-", 1, "Error: standard output cannot be written: "),
         ("2>&-", 0, ""),
-        ("<&- >&- 2>&-", 0, ""),
+        ("<&- >&- 2>&-", 1, ""),
         ("| true", 0, ""),
     ],
 )

@@ -204,7 +204,7 @@ def test_parts_of_several_types_of_cpu_are_noted(work):
     said: list[str] = []
     assert verify.verify(work, said.append) == 0
     assert "2 on x86_64 avx2; 1 on x86_64 avx2 avx512f" in said[0]
-    assert "made on several types of CPU" in "\n".join(status.status(work))
+    assert "made on several types of CPU" in "\n".join(status.status(work).lines)
 
 
 def test_a_sample_that_stands_in_two_parts_is_noticed(work):

@@ -60,7 +60,7 @@ def test_a_changed_input_is_seen_and_only_its_part_is_made_again(tmp_path):
     change_segments(work, 2)
     table = work.table("rooms", "captions/occupancy")
     assert status.outdated(work, table) == {2}
-    assert "1 parts out of date" in "\n".join(status.status(work))
+    assert "1 parts out of date" in "\n".join(status.status(work).lines)
     said: list[str] = []
     assert verify.verify(work, said.append) == 1
     assert said[0].endswith("part 2: its input has changed since: run the stage again")

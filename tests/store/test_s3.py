@@ -59,7 +59,7 @@ def test_worker_processes_commit_to_a_bucket(place):
     work = rooms.made(place, parts=3)
     summary = runs.run(rooms.captions_job(work), engine=EngineOptions(workers=2), bar=rooms.NoBar)
     assert (summary.done, summary.ok) == (3, 150)
-    assert "captions/occupancy" in "\n".join(status.status(work))
+    assert "captions/occupancy" in "\n".join(status.status(work).lines)
 
 
 @pytest.mark.parametrize("trouble", ["503", "cut", "lost", "half"])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import UsageError
+from ...common.numbers import reals
 from .choices import View
 
 # Horizontal field of view where nothing tells it, degrees: about that of a phone's main camera.
@@ -75,11 +76,14 @@ def _centred(focal: float, width: int, height: int, source: str) -> Camera:
 
 def _four(text: str) -> tuple[float, float, float, float]:
     try:
-        fx, fy, cx, cy = (float(number) for number in text.split(","))
+        fx, fy, cx, cy = reals(text, 4)
     except ValueError as error:
         raise UsageError(f"--intrinsics: expected fx,fy,cx,cy in px; found {text!r}") from error
-    if not (0 < fx < 1e6 and 0 < fy < 1e6 and abs(cx) < 1e6 and abs(cy) < 1e6):
-        raise UsageError(f"--intrinsics: expected focal lengths above 0 px; found {text!r}")
+    if not (1 <= fx < 1e6 and 1 <= fy < 1e6 and abs(cx) < 1e6 and abs(cy) < 1e6):
+        raise UsageError(
+            "--intrinsics: expected focal lengths of at least 1 px, and all four below 1,000,000; "
+            f"found {text!r}"
+        )
     return fx, fy, cx, cy
 
 

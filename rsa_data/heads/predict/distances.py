@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...common.numbers import reals
 from ..metric import to_metric
 from . import known_depth
 from .choices import Hints
@@ -63,7 +64,7 @@ def measure(
 
 
 def _pixel(text: str) -> tuple[float, float]:
-    u, v, _ = (float(number) for number in text.split(","))
+    u, v, _ = reals(text, 3)
     return u, v
 
 

@@ -32,9 +32,8 @@ def find(work: WorkDir, name: str | None) -> "ScaleHead":
     if "://" in name:
         return travel.from_address(name)
     path = Path(name)
-    is_path = path.is_file() or (path / "head.json").is_file()
-    if sum((is_path, name in there, name in ready.names())) > 1:
-        where = f"the path {name}" if is_path else work.store.location
+    if sum((is_path(name), name in there, name in ready.names())) > 1:
+        where = f"the path {name}" if is_path(name) else work.store.location
         warnings.warn(
             f"--head {name}: there are several of this name; {where} is taken", stacklevel=2
         )
@@ -50,6 +49,11 @@ def find(work: WorkDir, name: str | None) -> "ScaleHead":
         raise RsaDataError(f"--head {name}: expected a head; there is no such file or folder")
     where = f"head in {work.store.location} or among ready heads"
     raise UsageError(f"{unknown(where, name, _all(there))}{_below(work)}")
+
+
+def is_path(name: str) -> bool:
+    """Whether a head of that name is a file or folder."""
+    return Path(name).is_file() or (Path(name) / "head.json").is_file()
 
 
 def in_work(work: WorkDir) -> list[str]:

@@ -6,12 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...common.errors import RsaDataError, UsageError
+from ...common.numbers import reals
 
 # How far a head's scale and shift are off, relative to themselves, when the head does not say.
 PRIOR = {"scale": 0.3, "shift": 0.3, "correlation": 0.0}
 # Relative error of a known distance: a tape measure on a pixel of a relative-depth map, whose own
 # error is of this order (the linear fit's AbsRel on NYU is .058 with Depth Anything).
 POINT_ERROR = 0.06
+# Distances that somebody can mean, m: what lies outside is a slip, or a unit other than metres.
+NEAREST, FARTHEST = 0.001, 100_000.0
+_DISTANCES = "0.001 m (1 mm) to 100,000 m (100 km)"
 
 
 def refine(
@@ -164,12 +168,14 @@ def points(
     across, down = size or (width, height)
     for text in known:
         try:
-            u, v, depth = (float(number) for number in text.split(","))
+            u, v, depth = reals(text, 3)
         except ValueError as error:
             raise UsageError(f"--known: expected u,v,metres; found {text!r}") from error
         if not (0 <= u < across and 0 <= v < down):
             of = "the photo" if size else "the relative depth"
             raise UsageError(f"--known {text}: expected a pixel of {of}, {across} x {down}")
+        if not NEAREST <= depth <= FARTHEST:
+            raise UsageError(f"--known {text}: expected a distance of {_DISTANCES}")
         value = float(relative[int(v * height / down), int(u * width / across)])
         if not np.isfinite(value):
             raise UsageError(
@@ -201,11 +207,11 @@ def ends(relative: np.ndarray, near_far: str) -> tuple[np.ndarray, np.ndarray]:
     The 1st and 99th percentile stand for them: single pixels at the ends are often wrong.
     """
     try:
-        near, far = (float(number) for number in near_far.split(","))
+        near, far = reals(near_far, 2)
     except ValueError as error:
         raise UsageError(f"--range: expected near,far in metres; found {near_far!r}") from error
-    if not 0 < near < far < np.inf:
-        raise UsageError(f"--range: expected 0 < near < far; found {near_far}")
+    if not NEAREST <= near < far <= FARTHEST:
+        raise UsageError(f"--range: expected near below far, both {_DISTANCES}; found {near_far}")
     values = relative[np.isfinite(relative)]
     if not len(values):
         raise UsageError("--range: the relative depth is defined nowhere")

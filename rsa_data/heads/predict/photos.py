@@ -56,24 +56,35 @@ def opened(places: Iterable[Path]) -> Iterator[list[Photo]]:
     with TemporaryDirectory(prefix="rsa-data-frames-") as temporary:
         photos: list[Photo] = []
         for number, place in enumerate(places):
-            if place.suffix.lower() in VIDEOS and place.is_file():
+            if _is_video(place):
                 photos += _frames(place, Path(temporary) / str(number))
-            elif place.is_file():
-                photos.append(Photo(place.parent, place.name))
-            elif place.is_dir():
-                photos += _folder(place)
             else:
-                far = re.match(r"[a-z][a-z0-9]+:/", place.as_posix())
-                way = ": photos are read from files; download it first" if far else ""
-                raise UsageError(
-                    f"{place}: expected an image, a video or a folder; there is none{way}"
-                )
+                photos += _files(place)
         try:
             yield photos
         finally:
             for photo in photos:
                 if photo.frame is not None:
                     photo.frame[0].close()
+
+
+def listed(places: Iterable[Path]) -> list[Photo]:
+    """The photos at some places without the frames of videos, which nothing is known of yet."""
+    return [photo for place in places if not _is_video(place) for photo in _files(place)]
+
+
+def _is_video(place: Path) -> bool:
+    return place.suffix.lower() in VIDEOS and place.is_file()
+
+
+def _files(place: Path) -> list[Photo]:
+    if place.is_file():
+        return [Photo(place.parent, place.name)]
+    if place.is_dir():
+        return _folder(place)
+    far = re.match(r"[a-z][a-z0-9]+:/", place.as_posix())
+    way = ": photos are read from files; download it first" if far else ""
+    raise UsageError(f"{place}: expected an image, a video or a folder; there is none{way}")
 
 
 def _folder(place: Path) -> list[Photo]:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,13 +11,11 @@ import numpy as np
 
 from ...common.errors import RsaDataError, UsageError
 from ...common.files import write
-from ...common.outputs import check_output
-from ...datasets.images import SUFFIXES
 from ...heads.predict.prediction import Prediction
+from ...store.outputs import Identity, check_output
 from . import maps, space
 
 KINDS = (".npy", ".png", ".ply", ".glb")
-_READ = (*SUFFIXES, ".npy")
 # Endings of files that are not written; a folder of such a name would surprise.
 _OTHERS = re.compile(
     r"\.(bmp|csv|exr|gif|gltf|h5|jpe?g|json|las|mat|mp4|npz|obj|pcd|pfm|stl|tiff?|txt|usdz|webp|xyz)"
@@ -54,12 +52,28 @@ class Outputs:
 class Writer:
     """Writes the files of one photo after the other; no two photos share a file.
 
-    reads : files and folders that the call reads, which no output may replace.
+    inputs : files that the command reads, see `outputs.identities`; none of them is written over.
     """
 
-    def __init__(self, outputs: Outputs, reads: Sequence[Path] = ()):
-        self.outputs, self.reads = outputs, reads
+    def __init__(self, outputs: Outputs, inputs: Collection[Identity] = ()):
+        self.outputs, self.inputs = outputs, inputs
         self.taken: Counter[Path] = Counter()
+
+    def check(self, names: Iterable[str]) -> None:
+        """Raises UsageError, before anything runs, where the files of these photos cannot lie."""
+        out = self.outputs.out
+        if out is not None and not self.outputs.is_file:
+            if _OTHERS.fullmatch(out.suffix.lower()) and not out.is_dir():
+                raise UsageError(
+                    f"--out {out}: expected a file {', '.join(KINDS)}, or a folder; {out.suffix} "
+                    "is not written (--colours writes a picture)"
+                )
+            if out.exists():
+                check_output(out, "--out", folder=True)
+        trial = Writer(self.outputs, self.inputs)
+        for name in names if self.outputs else ():
+            for path in trial._files(name):
+                check_output(path, trial._option(path), self.inputs)
 
     def write(self, p: Prediction) -> None:
         """Writes what was asked for, and names it in `p.files`.
@@ -71,7 +85,20 @@ class Writer:
             return
         if p.depth is None:
             raise RsaDataError(f"{p.name or 'predict'}: there is no depth to write")
-        stem, files = self._stem(p), {}
+        for path, kind in self._files(p.name).items():
+            check_output(path, self._option(path), self.inputs)
+            data, told = _content(p, p.depth, kind, path)
+            _save(path, data)
+            p.files.append(path)
+            p.holds |= {path: told} if told else {}
+
+    def _option(self, path: Path) -> str:
+        """How a message names a file: by the option, and where that is a folder by its name too."""
+        return "--out" if path == self.outputs.out else "output file"
+
+    def _files(self, name: str | None) -> dict[Path, str]:
+        """The files of a photo, and what each of them holds."""
+        stem, files = self._stem(name), {}
         if self.outputs.out is not None:
             kind = self.outputs.out.suffix.lower() if self.outputs.is_file else None
             files[_named(stem, kind or f".{self.outputs.kind}")] = kind or f".{self.outputs.kind}"
@@ -80,15 +107,9 @@ class Writer:
         for kind, wanted in ((".ply", self.outputs.ply), (".glb", self.outputs.glb)):
             if wanted:
                 files[_named(stem, kind)] = kind
-        for path in files:
-            check_output(path, self.reads, _READ)
-        for path, kind in files.items():
-            data, told = _content(p, p.depth, kind, path)
-            _save(path, data)
-            p.files.append(path)
-            p.holds |= {path: told} if told else {}
+        return files
 
-    def _stem(self, p: Prediction) -> Path:
+    def _stem(self, photo: str | None) -> Path:
         """Path of the files without their ending."""
         out = self.outputs.out
         if out is not None and self.outputs.is_file:
@@ -98,7 +119,7 @@ class Writer:
                     f"--out {out}: one file for several photos: name a folder, without an ending"
                 )
             return out.with_suffix("")
-        name = Path(p.name or "depth")
+        name = Path(photo or "depth")
         stem = (out or Path()) / name.with_suffix("")
         self.taken[stem] += 1
         # a.jpg and a.png: the second one keeps its ending.
@@ -113,23 +134,6 @@ class Writer:
 def _named(stem: Path, ending: str) -> Path:
     """`a.jpg.npy` of the stem a.jpg: dots in names stay."""
     return stem.with_name(stem.name + ending)
-
-
-def check(outputs: Outputs, several: bool) -> None:
-    """Raises UsageError, before anything runs, for a file that several photos would share.
-
-    Also for a file of a format that is not written.
-    """
-    out = outputs.out
-    if out is not None and _OTHERS.fullmatch(out.suffix.lower()) and not out.is_dir():
-        raise UsageError(
-            f"--out {out}: expected a file {', '.join(KINDS)}, or a folder; {out.suffix} is not "
-            "written (--colours writes a picture)"
-        )
-    if outputs.is_file and several:
-        raise UsageError(
-            f"--out {outputs.out}: one file for several photos: name a folder, without an ending"
-        )
 
 
 def _content(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...common import files
 from ...common.errors import RsaDataError, UsageError
-from ...common.outputs import check_output
+from ...store.outputs import check_output
 from .colours import SEGMENT_COLOURS
 from .segments import draw_segments, segment_grid
 from .sheet import Prediction, contact_sheet

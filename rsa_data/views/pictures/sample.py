@@ -7,6 +7,7 @@ import numpy as np
 from ...common.errors import RsaDataError
 from ...datasets.images import read_image
 from ...datasets.index import load_dataset
+from ...store.outputs import check_output, identities
 from ...store.tables import WorkDir
 from ..report.samples import Sample, one
 from .colours import depth_colours, error_colours, range_of, round_up
@@ -19,6 +20,7 @@ def draw(work: WorkDir, sample_id: str, head: str | None, out: Path) -> list[str
 
     Raises RsaDataError when the image is not at hand.
     """
+    check_output(out, "--out")
     sample = one(work, sample_id, head)
     dataset = load_dataset(work, sample.row["dataset"])
     lines = [f"{sample_id}: split {sample.row['split']}, scene {sample.row['scene']}"]
@@ -31,6 +33,8 @@ def draw(work: WorkDir, sample_id: str, head: str | None, out: Path) -> list[str
             f"{sample_id}: its image is not at hand: give the commands --root once, so that the "
             "work dir knows where the files lie. Its captions: " + " | ".join(sample.captions)
         )
+    read = [sample.where / sample.row[name] for name in ("image", "depth") if sample.row[name]]
+    check_output(out, "--out", identities(file for file in read if isinstance(file, Path)))
     image = read_image(sample.where / sample.row["image"])
     cells = [(image, sample_id)]
     if sample.segments is not None:

@@ -47,7 +47,7 @@ class Guard:
     async def _limited(self, scope: Message, receive: Receive, send: Send) -> None:
         told = dict(scope["headers"]).get(b"content-length", b"0")
         too_large = b"Expected at most 50 MB."
-        if not told.isdigit() or len(told) > 18 or int(told) > self.most:
+        if not (told.isascii() and told.isdigit()) or len(told) > 18 or int(told) > self.most:
             await _refuse(scope, receive, send, 413, too_large)
             return
         size, answered, over = 0, False, False

@@ -11,9 +11,9 @@ from ...common import files as whole_files
 from ...common import svg
 from ...common.errors import RsaDataError, UsageError
 from ...common.html import Html, join, tag
-from ...common.outputs import check_output
 from ...common.ranges import Positive
 from ...common.units import size
+from ...store.outputs import check_output
 from ...store.tables import WorkDir
 from .features_map import meaning
 from .gallery import gallery
@@ -50,7 +50,7 @@ def report(
     """
     if out.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--out {out}: expected a name that ends in .html")
-    check_output(out)
+    check_output(out, "--out")
     if not work.datasets():
         raise RsaDataError(
             f"{work.store.location}: no dataset there yet. Begin with "

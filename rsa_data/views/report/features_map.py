@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow.compute as pc
 
+from ...common.errors import RsaDataError
 from ...common.html import Html, tag
 from ...evaluation.inputs import TestPart
 from ...heads.checkpoint import ScaleHead
 from ...store.tables import WorkDir
 from . import plots
-from .lineage import head_description, head_names
+from .lineage import head_description, head_names, left_out
 from .words import spread
 
 _POINTS, _PARTS, _TYPES = 900, 4, 24
@@ -92,7 +93,10 @@ def _heads_of(work: WorkDir, kind: str) -> list[tuple[str, ScaleHead]]:
         control = about.get("options", {}).get("control", "none")
         same = (features.get("style"), features.get("encoder")) == (style, encoder)
         if same and control == "none" and "images" not in features:
-            found.append((name, ScaleHead.load(f"{work.store.location}/heads/{name}")))
+            try:
+                found.append((name, ScaleHead.load(f"{work.store.location}/heads/{name}")))
+            except RsaDataError as error:
+                left_out(name, error)
     return found
 
 

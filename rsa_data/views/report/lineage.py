@@ -1,5 +1,6 @@
 """What was run: the tables of each dataset, their options, versions, times and failures."""
 
+import warnings
 from collections import Counter
 from typing import Any
 
@@ -7,8 +8,11 @@ import msgspec
 import pyarrow.compute as pc
 
 from ...common import html
+from ...common.errors import RsaDataError
 from ...common.html import Html, tag
 from ...common.units import duration, size
+from ...heads.description import read
+from ...heads.predict.find import in_work
 from ...runner.status import stale
 from ...store import logs
 from ...store.tables import Receipt, Table, WorkDir
@@ -68,17 +72,33 @@ def lineage(work: WorkDir) -> Html:
 
 
 def head_names(work: WorkDir) -> list[str]:
-    """Heads of the work dir that are complete."""
-    names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
-    return [name for name in names if work.store.size(f"heads/{name}/head.json") is not None]
+    """Heads of the work dir that are complete; of one whose head.json is broken a warning says so,
+    and it is left out."""
+    return [name for name in in_work(work) if not head_problem(work, name)]
+
+
+def head_problem(work: WorkDir, name: str) -> str:
+    """What is wrong with a head's head.json, with a warning of it; or nothing."""
+    try:
+        head_description(work, name)
+    except RsaDataError as error:
+        return left_out(name, error)
+    return ""
+
+
+def left_out(name: str, error: RsaDataError) -> str:
+    """Warns that a head is broken; returns the sentence."""
+    told = f"the head {name} is left out: {error}"
+    warnings.warn(told, stacklevel=3)
+    return told
 
 
 def head_description(work: WorkDir, name: str) -> dict[str, Any]:
-    """head.json."""
-    import json
-
-    found: dict[str, Any] = json.loads(work.store.read(f"heads/{name}/head.json") or b"{}")
-    return found
+    """head.json as plain values; raises RsaDataError where it is broken."""
+    where = f"heads/{name}/head.json"
+    about = read(work.store.read(where) or b"", f"{work.store.location}/{where}")
+    about.check_digest(f"{work.store.location}/{where}")
+    return about.plain()
 
 
 def _times(work: WorkDir, dataset: str, name: str) -> tuple[float | None, float | None]:

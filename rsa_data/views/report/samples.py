@@ -17,7 +17,7 @@ from ...heads.metric import to_metric
 from ...segments.segments import Segments
 from ...store.table_names import head_folder
 from ...store.tables import WorkDir
-from .lineage import head_description, head_names
+from .lineage import head_description, head_names, left_out
 from .words import spread
 
 # Depth of test splits is stored as whole maps, so few parts are opened.
@@ -216,11 +216,16 @@ def _head_for(work: WorkDir, dataset: str, names: list[str], wanted: str | None)
         ):
             text = captions if captions in names else None
             ranked.append((dataset not in about.get("datasets", {}), name, embeddings, text))
-    if not ranked:
-        return None
-    _, name, embeddings, text = min(ranked, key=lambda r: r[:2])
-    head = ScaleHead.load(f"{work.store.location}/{head_folder(name)}")
-    return _Head(name, head, embeddings, text)
+    for _, name, embeddings, text in sorted(ranked, key=lambda r: r[:2]):
+        try:
+            head = ScaleHead.load(f"{work.store.location}/{head_folder(name)}")
+        except RsaDataError as error:
+            if wanted:
+                raise
+            left_out(name, error)
+            continue
+        return _Head(name, head, embeddings, text)
+    return None
 
 
 def _add_depth(found: list[dict[str, Any]], samples: list[Sample]) -> None:

@@ -7,8 +7,8 @@ from made_tables import write
 from numpy import ones
 
 from rsa_data.common.errors import UsageError
-from rsa_data.common.outputs import check_output
 from rsa_data.heads.travel import export_head
+from rsa_data.store.outputs import check_output
 from rsa_data.store.tables import WorkDir
 from rsa_data.views.report.build import report
 
