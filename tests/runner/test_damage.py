@@ -1,12 +1,15 @@
 """Damage to a work dir: each kind is noticed by verify, and what can be made again is."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import rooms
+from click.testing import CliRunner
 
+from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError
 from rsa_data.runner import runs, status, verify
 from rsa_data.store.tables import Made, WorkDir
@@ -76,6 +79,7 @@ def copied(old: str, new: str) -> Callable[[WorkDir], None]:
 
 
 DAMAGE = {
+    "no manifest": (delete(f"{CAPTIONS}/_manifest.json"), "expected _manifest.json, since all"),
     "a receipt": (delete(f"{CAPTIONS}/_part-00001.json"), "1 of 3 parts are missing: 1"),
     "a receipt and its data": (
         delete(f"{CAPTIONS}/_part-00001.json", f"{CAPTIONS}/part-00001-*"),
@@ -180,6 +184,65 @@ def test_a_work_dir_that_is_not_there_is_an_error(tmp_path):
             look(WorkDir(tmp_path / "nowhere"))
 
 
+def test_pipes_devices_and_folders_are_problems_among_others(work):
+    """None of them is waited for or read without end, and the rest is checked all the same."""
+    (place(work) / "rooms" / "root.txt").symlink_to("/dev/zero")
+    for name, kind in (
+        ("captions/occupancy/_part-00000.json", "pipe"),
+        ("captions/occupancy/_manifest.json", "folder"),
+        ("captions/occupancy/_local.json", "pipe"),
+        ("segments/labels/_part-00001.json", "device"),
+    ):
+        path = place(work) / "rooms" / name
+        path.unlink(missing_ok=True)
+        if kind == "pipe":
+            os.mkfifo(path)
+        elif kind == "folder":
+            path.mkdir()
+        else:
+            path.symlink_to("/dev/zero")
+    flip(f"{CAPTIONS}/part-00002-*")(work)
+    found = "\n".join(problems(work))
+    assert "committed before is valid" not in found
+    for said in (
+        "cannot read rooms/root.txt: expected a file, found a pipe, socket or device",
+        "cannot read rooms/captions/occupancy/_part-00000.json: expected a file",
+        "cannot read rooms/captions/occupancy/_manifest.json: Is a directory",
+        "cannot read rooms/captions/occupancy/_local.json: expected a file",
+        "cannot read rooms/segments/labels/_part-00001.json: expected a file",
+        "rooms/captions/occupancy part 2: expected sha256",
+    ):
+        assert said in found, found
+
+
+def test_where_files_lie_is_noted_and_a_broken_note_of_it_is_a_problem(work):
+    said: list[str] = []
+    assert verify.verify(work, said.append) == 0
+    assert "it is not known where the dataset's files lie" in said[0]
+    (place(work) / "rooms" / "root.txt").write_bytes(b"\0")
+    (place(work) / CAPTIONS / "_local.json").write_text("{")
+    first, second = problems(work)
+    assert "root.txt: expected where the dataset's files lie" in first
+    assert "_local.json: expected JSON" in second and "Delete it" in second
+
+
+@pytest.mark.parametrize("name", ["_part-00001.json", "_table.json"])
+def test_status_names_what_is_broken_and_shows_the_rest(work, name):
+    (place(work) / CAPTIONS / name).write_text("<html>")
+    done = CliRunner().invoke(cli, ["status", "--work", work.store.location])
+    assert done.exit_code == 1 and "1 of its files cannot be read" in str(done.exception)
+    lines = {line.split()[0]: line for line in done.output.splitlines() if line.strip()}
+    assert lines["samples"].split()[1:3] == ["3/3", "150"]
+    assert lines["captions/occupancy"].endswith("cannot be read, see below")
+    assert name in lines["broken:"] and "expected JSON" in lines["broken:"]
+
+
+@pytest.mark.parametrize("command", ["status", "verify"])
+def test_the_folder_of_a_dataset_is_no_work_dir(work, command):
+    done = CliRunner().invoke(cli, [command, "--work", f"{work.store.location}/rooms"])
+    assert "found the folder of a dataset in one. Use --work" in str(done.exception)
+
+
 def test_data_that_is_gone_is_made_again(work):
     table = work.table("rooms", "captions/occupancy")
     before = {n: table.receipt(n) for n in table.parts()}
@@ -203,7 +266,7 @@ def test_parts_of_several_types_of_cpu_are_noted(work):
     table.manifest(table.parts())
     said: list[str] = []
     assert verify.verify(work, said.append) == 0
-    assert "2 on x86_64 avx2; 1 on x86_64 avx2 avx512f" in said[0]
+    assert "2 on x86_64 avx2; 1 on x86_64 avx2 avx512f" in "\n".join(said)
     assert "made on several types of CPU" in "\n".join(status.status(work).lines)
 
 

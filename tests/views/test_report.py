@@ -1,6 +1,7 @@
 """The report: what stands in it, that nothing breaks out, and how large it gets."""
 
 import json
+import shutil
 from html.parser import HTMLParser
 
 import pyarrow as pa
@@ -164,3 +165,28 @@ def test_100_000_images_stay_below_10_mb(tmp_path):
     result = report(work, out=tmp_path / "r.html")
     assert result.path.stat().st_size < 10_000_000
     assert "all 100,000 images" in result.path.read_text("utf-8")
+
+
+@pytest.mark.parametrize("content", ["<html>", "null", "", '{"format": 1}', '{"format": NaN}'])
+def test_a_broken_head_is_left_out_and_named(tmp_path, content):
+    work = report_work.made(tmp_path)
+    place = tmp_path / "work" / "heads"
+    shutil.copytree(place / "small", place / "broken")
+    (place / "broken" / "head.json").write_text(content)
+    with pytest.warns(UserWarning, match=r"the head broken is left out: .*/broken/head\.json"):
+        page = Page(report(work, out=tmp_path / "r.html", samples=2).path.read_text("utf-8"))
+    words = " ".join(page.words)
+    assert "the head broken is left out" in words and "Head small" in words
+    assert "Head broken" not in words
+
+
+def test_damage_beside_a_head_is_told_in_its_place(tmp_path):
+    work = report_work.made(tmp_path)
+    place = tmp_path / "work"
+    for folder in ("heads/small/robustness", "comparisons"):
+        (place / folder / "rsa" / "summary.csv").write_bytes(b"dataset,images\nrooms,\xff\n")
+    (place / "heads" / "small" / "history.parquet").write_bytes(b"PAR1")
+    with pytest.warns(UserWarning, match="not shown in the report"):
+        page = Page(report(work, out=tmp_path / "r.html", samples=2).path.read_text("utf-8"))
+    words = " ".join(page.words)
+    assert words.count("Not shown: ") == 3 and "on test images" in words
