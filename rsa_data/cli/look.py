@@ -31,7 +31,7 @@ def status(work: str) -> None:
         click.echo(f"broken: {line}", err=True)
     if found.broken:
         raise RsaDataError(
-            f"{len(found.broken)} of the files cannot be read; `rsa-data verify` tells all"
+            f"{len(found.broken)} of its files cannot be read; `rsa-data verify` names all damage"
         )
 
 

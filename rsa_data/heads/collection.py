@@ -13,10 +13,14 @@ from .description import parse
 def names(work: WorkDir) -> list[str]:
     """Names of the heads, but for those whose training has not ended."""
     names = [name[:-1] for name in work.store.list("heads") if name.endswith("/")]
-    return [name for name in names if _ended(work.store.list(f"heads/{name}"))]
+    return [name for name in names if _ended(work, name)]
 
 
-def _ended(files: list[str]) -> bool:
+def _ended(work: WorkDir, name: str) -> bool:
+    try:
+        files = work.store.list(f"heads/{name}")
+    except RsaDataError:
+        return True  # `check` and `state` say what is wrong with it
     weights = "head.safetensors" in files and "checkpoint.safetensors" not in files
     return "head.json" in files or weights
 

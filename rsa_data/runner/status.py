@@ -41,10 +41,14 @@ def status(work: WorkDir) -> Status:
     need_work_dir(work)
     found = Status()
     for dataset in work.datasets():
-        total = len(work.table(dataset, "samples").parts())
-        rows = [
-            _row(work.table(dataset, name), total, work, found) for name in work.tables(dataset)
-        ]
+        try:
+            total = len(work.table(dataset, "samples").parts())
+            tables = [work.table(dataset, name) for name in work.tables(dataset)]
+        except RsaDataError as error:
+            found.lines += [f"{dataset}  cannot be read, see below", ""]
+            found.add(str(error))
+            continue
+        rows = [_row(table, total, work, found) for table in tables]
         header = ["table", "parts", "ok", "failed", "skipped", "size", "rows/s", ""]
         found.lines += [dataset, *("  " + line for line in table_lines(header, rows)), ""]
     for folder, collection in collections():

@@ -39,7 +39,7 @@ def verify(work: WorkDir, report: Report) -> int:
     status.need_work_dir(work)
     checked, problems = Checked(), 0
     for dataset in _datasets(work):
-        for problem in _check_dataset(work, dataset, checked):
+        for problem in _guarded(_check_dataset(work, dataset, checked)):
             report(problem)
             problems += 1
     for folder, collection in status.collections():
@@ -66,7 +66,14 @@ def _guarded(problems: Iterator[str]) -> Iterator[str]:
 def _datasets(work: WorkDir) -> list[str]:
     """Folders that hold tables, or what is left of tables."""
     names = [name[:-1] for name in work.store.list("") if name.endswith("/")]
-    return [name for name in names if name not in KEPT and _folders(work, name)]
+    return [name for name in names if name not in KEPT and _has_tables(work, name)]
+
+
+def _has_tables(work: WorkDir, dataset: str) -> bool:
+    try:
+        return bool(_folders(work, dataset))
+    except RsaDataError:
+        return True  # said where it is checked
 
 
 def _folders(work: WorkDir, dataset: str) -> list[tuple[str, bool]]:

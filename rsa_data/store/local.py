@@ -43,6 +43,8 @@ class LocalStore:
             return (self.folder / path).stat().st_size
         except (FileNotFoundError, NotADirectoryError):
             return None
+        except OSError as error:
+            raise self._explained("read", path, error) from error
 
     def write(self, path: str, data: bytes | memoryview) -> None:
         try:
@@ -90,6 +92,8 @@ class LocalStore:
             found = list(os.scandir(self.folder / folder))
         except (FileNotFoundError, NotADirectoryError):
             return []
+        except OSError as error:
+            raise self._explained("read", folder, error) from error
         names = [entry.name + ("/" if entry.is_dir() else "") for entry in found]
         return sorted(name for name in names if not name.startswith("."))
 
