@@ -20,6 +20,7 @@ DEBUG = "RSA_DATA_DEBUG"
 def run(command: Callable[[], Any]) -> None:
     """Calls a command and ends the process: with 0 when it returns, 2 for a wrong call, 1 for a
     failure, 130 when it was stopped."""
+    _take_numbers()  # before anything else is opened, such as the pipe of the signals
     signals.install()
     _open_streams()
     try:
@@ -79,19 +80,26 @@ def _say(line: str) -> None:
         pass  # nobody reads it any more
 
 
-def _open_streams() -> None:
-    """Makes the standard streams safe to write to.
+def _take_numbers() -> None:
+    """Opens standard streams that are closed on nothing.
 
-    A closed one is opened on nothing: the next file opened would get its number, and what libraries
-    print would go into it. Standard output is opened so that it cannot be written: what a command
-    prints there is lost, which is an error. Characters that the encoding of a stream lacks are
-    written as escapes, and so are those that a terminal would obey.
+    The next file opened would get such a number, and what libraries print would go into it.
+    Standard output is opened so that it cannot be written: what a command prints there is lost,
+    which is an error.
     """
     for number in (0, 1, 2):
         try:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDONLY if number == 1 else os.O_RDWR)
+
+
+def _open_streams() -> None:
+    """Makes the standard streams safe to write to.
+
+    Characters that the encoding of a stream lacks are written as escapes, and so are those that a
+    terminal would obey.
+    """
     for name, stream in (("stdout", sys.stdout), ("stderr", sys.stderr)):
         if stream is None:
             number = 1 if name == "stdout" else 2

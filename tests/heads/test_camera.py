@@ -54,7 +54,7 @@ def test_options_come_first(tmp_path):
     camera = camera_of(path, 400, 300, View(intrinsics="500,510,201,149"))
     assert camera.at(200, 150) == (250, 255, 100.5, 74.5)
     assert camera_of(path, 400, 300, View(fov=90)).fx == pytest.approx(200)
-    with pytest.raises(UsageError, match="above 0 px"):
+    with pytest.raises(UsageError, match="at least 1 px"):
         camera_of(path, 400, 300, View(intrinsics="-5,5,1,1"))
 
 

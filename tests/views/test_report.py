@@ -124,7 +124,8 @@ def test_unknown_head_and_empty_work_dir_are_refused(tmp_path):
 def test_only_a_loss_in_metres_has_a_unit(tmp_path, options, unit):
     folder = tmp_path / "heads/x"
     folder.mkdir(parents=True)
-    (folder / "head.json").write_text(json.dumps({"options": options}))
+    about = {"format": 1, "architecture": {"name": "linear"}, "features": {"dim": 8}}
+    (folder / "head.json").write_text(json.dumps({**about, "options": options}))
     row = {"epoch": 1, "dataset": "a", "train_loss": 0.5, "val_abs_rel": 0.1, "best": True}
     rows = [row, {**row, "epoch": 2, "best": False}]
     pq.write_table(pa.Table.from_pylist(rows), folder / "history.parquet")
