@@ -9,58 +9,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import torch
 from click.testing import CliRunner
+from predicting import predict, run
 
 from rsa_data.cli.main import cli
 from rsa_data.common import cards
 from rsa_data.common import options as binding
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.heads.checkpoint import ScaleHead, build_network
+from rsa_data.heads.checkpoint import ScaleHead
 from rsa_data.heads.predict.predict import predict as predict_function
 from rsa_data.store.tables import WorkDir
 
 CAPTION = "a small bathroom with a sink, a mirror and a towel"
-
-
-def predict(work, *photos, **options):
-    """The predictions of a call, its options flat as on the command line."""
-    return list(binding.call(predict_function, work, photos, **options))
-
-
-def run(work, *words):
-    """The command, its words as text."""
-    done = CliRunner().invoke(cli, ["predict", *map(str, words), "--work", work.store.location])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        assert isinstance(done.exception, RsaDataError), done.exception
-    return done
-
-
-@pytest.fixture
-def work(tmp_path) -> WorkDir:
-    """A head for minilm, untrained."""
-    work = WorkDir(tmp_path / "work")
-    features = {"dim": 384, "encoder": "minilm", "files": None}
-    features["options"] = {"encoder": "minilm", "normalize": False}
-    model = {"model": "files", "options": None, "files": {}, "geometry": {"rooms": {}}}
-    about = {"format": 1, "architecture": {"name": "linear"}, "features": features}
-    torch.manual_seed(0)
-    head = ScaleHead(
-        build_network(about["architecture"], 384),
-        {**about, "depth_model": model, "far": 0.5},
-        torch.zeros(384),
-        torch.ones(384),
-        np.ones((1, 384), np.float16),
-    )
-    head.save(work.store, "heads/head")
-    return work
-
-
-@pytest.fixture
-def y(tmp_path) -> np.ndarray:
-    y = np.random.default_rng(0).uniform(0.5, 4, (6, 8)).astype(np.float32)
-    np.save(tmp_path / "y.npy", y)
-    return y
 
 
 def test_a_caption_gives_scale_shift_their_spread_and_a_warning(work):
@@ -212,85 +172,6 @@ def test_a_video_that_ends_early_is_said_so(work, tmp_path):
     assert not any(p.warnings and "ends early" in p.warnings[0] for p in found[1:])
 
 
-def test_known_distances_need_no_head_and_no_work_dir(tmp_path, monkeypatch):
-    """y of another scale and shift, exact: three points give the depth everywhere, one a scale."""
-    monkeypatch.chdir(tmp_path)
-    truth = np.random.default_rng(0).uniform(0.5, 9, (30, 40)).astype(np.float32)
-    np.save("y.npy", (1 / truth - 0.03) * 17)
-    points = [f"{u},{v},{truth[v, u]}" for u, v in ((3, 2), (20, 25), (39, 29))]
-    words = [word for point in points for word in ("--known", point)]
-    work = WorkDir(tmp_path / "none")
-    done = run(work, "--relative", "y.npy", *words, "--out", "d.npy")
-    assert done.exit_code == 0, done.output
-    np.testing.assert_allclose(np.load("d.npy"), truth, rtol=0.01)
-    assert not (tmp_path / "none").exists()
-    (p,) = predict(work, relative=tmp_path / "y.npy", known=points[:1])
-    assert p.depth[2, 3] == pytest.approx(truth[2, 3], rel=1e-5) and p.shift == 0
-    assert "the shift is assumed to be 0" in p.warnings[0]
-
-
-def test_a_shift_below_0_that_would_leave_pixels_without_depth_is_held_at_0(tmp_path):
-    """1 / z = 0.2 y - 0.3 at two points, exactly: below 0 where y < 1.5."""
-    y = np.linspace(0.5, 4, 48).reshape(6, 8).astype(np.float32)
-    np.save(tmp_path / "y.npy", y)
-    points = [(7, 5), (0, 4)]
-    known = [f"{u},{v},{1 / (0.2 * y[v, u] - 0.3)}" for u, v in points]
-    (p,) = predict(WorkDir(tmp_path / "none"), relative=tmp_path / "y.npy", known=known)
-    share = float(np.mean(0.2 * y - 0.3 <= 0))
-    assert f"would leave {share:.0%} of the pixels without a finite depth" in p.warnings[0]
-    assert p.shift == 0 and np.isfinite(p.depth).all()
-    # Where y is 2 or more everywhere, the same points are taken as they are.
-    np.save(tmp_path / "y.npy", np.maximum(y, 2))
-    (p,) = predict(WorkDir(tmp_path / "none"), relative=tmp_path / "y.npy", known=known)
-    assert (p.scale, p.shift) == pytest.approx((0.2, -0.3), rel=1e-4)
-
-
-def test_a_known_point_pulls_the_prediction_to_it(work, y, tmp_path):
-    relative = {"caption": ("a kitchen",), "relative": tmp_path / "y.npy"}
-    (words,) = predict(work, **relative)
-    before = 1 / (words.scale * y[2, 3] + words.shift)
-    (p,) = predict(work, **relative, known=(f"3,2,{2 * before}",))
-    after = 1 / (p.scale * y[2, 3] + p.shift)
-    assert before < after < 2 * before and after > 1.8 * before
-    assert any("from words alone" in note for note in p.notes)
-    (known,) = p.known
-    assert known.depth == pytest.approx(after)
-    assert known.error == pytest.approx(after / 2 / before - 1, abs=1e-5)
-    assert f"residuals: {2 * before:g} m {known.error:+.1%}" in p.notes[-1]
-    said = p.plain()
-    assert said["known"][0] == {
-        "u": 3.0, "v": 2.0, "metres": pytest.approx(2 * before), "depth": pytest.approx(after),
-        "residual": pytest.approx(known.error, abs=1e-4), "used": True,
-    }  # fmt: skip
-    assert said["head"] == {
-        k: pytest.approx(getattr(words, k), rel=1e-5) for k in ("scale", "shift")
-    }
-    assert said["camera"]["source"].startswith("assumed") and said["camera"]["fov"] == 65
-    assert (said["objects"], said["segmenter"]) == (None, None)
-
-
-def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
-    """With a head and without: the two pixels are equally near, the distances are not."""
-    np.save(tmp_path / "y.npy", np.where(y > 2, np.float32(2), y))
-    near = [f"{u},{v}" for v, u in np.argwhere(y > 2)[:2]]
-    far = "{1},{0}".format(*np.argwhere(y < 2)[0])
-    known = (f"{near[0]},1", f"{near[1]},4", f"{far},4.1")
-    agree = (f"{near[0]},1", f"{near[1]},1", f"{far},3")
-    for head in ({"caption": ("a kitchen",)}, {}):
-        options = {"relative": tmp_path / "y.npy", **head}
-        (p,) = predict(work, **options, known=known)
-        (said,) = [w for w in p.warnings if "do not agree with the relative depth" in w]
-        worst = max(p.known, key=lambda k: abs(k.error))
-        u, v = worst.pixel
-        assert f"misses {worst.metres:g} m at {u:g},{v:g} by {abs(worst.error):.0%}" in said
-        if head:
-            (p,) = predict(work, **options)
-            u, v = map(int, near[0].split(","))
-            agree = (f"{near[0]},{p.depth[v, u]}",)
-        (p,) = predict(work, **options, known=agree)
-        assert not any("do not agree" in w for w in p.warnings)
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -436,20 +317,6 @@ def test_a_panorama_is_named_and_its_points_are_called_bent(work, tmp_path):
     assert any("360-degree panorama" in text for text in p.warnings)
     (p,) = predict(work, tmp_path / "wide.png", **options, fov=90.0)
     assert p.warnings == ["the caption names no object that a class table has"]
-
-
-def test_one_wrong_point_among_five_is_left_out_with_a_head_too(work, tmp_path):
-    y = np.linspace(0.2, 1, 48, dtype=np.float32).reshape(6, 8)
-    np.save(tmp_path / "y.npy", y)
-    options = {"caption": ("a kitchen",), "relative": tmp_path / "y.npy"}
-    (plain,) = predict(work, **options)
-    right = [f"{u},{v},{1.1 * plain.depth[v, u]}" for u, v in ((0, 0), (3, 1), (5, 3), (7, 5))]
-    (p,) = predict(work, **options, known=(*right, f"4,4,{3 * plain.depth[4, 4]}"))
-    (only,) = predict(work, **options, known=right)
-    assert [k.used for k in p.known] == [True] * 4 + [False]
-    assert (p.scale, p.shift) == (only.scale, only.shift) != (plain.scale, plain.shift)
-    assert "(left out)" in p.notes[-1] and not any("do not agree" in w for w in p.warnings)
-    assert any("bear it out" in w for w in p.all_warnings)
 
 
 def test_a_work_dir_without_a_head_names_those_below_it(work, tmp_path):
