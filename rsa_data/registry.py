@@ -1,8 +1,7 @@
 """Every name a user can extend or choose: tables of literal NAME -> "module:attribute".
 
-Adding a dataset, segmenter, caption style, encoder, depth model or head is one file and one line
-here. The targets are strings so that an optional package loads only when it is used. Installed
-packages add names by entry points; see common/entries.py and docs/extending.md.
+An addition is one file and one line here. Targets are strings so that an optional package loads
+only when it is used. For names that installed packages add see common/entries.py.
 """
 
 from .common.entries import Entries
@@ -87,15 +86,11 @@ STYLES = Entries(
         "member": "rsa_data.captions.members:member",
         "vlm": "rsa_data.captions.vlm:vlm",
     },
+    ("rsa_data.captions.wordings.wording:Wording", "collections.abc:Callable"),
 )
 
 TOKENIZERS = Entries(
-    "tokenizers",
-    {
-        "clip": "rsa_data.common.tokenizers:clip",
-        "minilm": "rsa_data.common.tokenizers:minilm",
-        "hf": "rsa_data.common.tokenizers:hf",
-    },
+    "tokenizers", {name: f"rsa_data.common.tokenizers:{name}" for name in ("clip", "minilm", "hf")}
 )
 
 ENCODERS = Entries(
@@ -105,6 +100,7 @@ ENCODERS = Entries(
         "clip-rn50": "rsa_data.embeddings.clip:CLIP_RN50",
         "hf": "rsa_data.embeddings.huggingface:HF",
     },
+    ("rsa_data.embeddings.encoder:Encoder",),
 )
 
 IMAGE_ENCODERS = Entries(
@@ -114,6 +110,7 @@ IMAGE_ENCODERS = Entries(
         "hf": "rsa_data.embeddings.huggingface_image:HF_IMAGE",
         "thumbnail": "rsa_data.embeddings.thumbnail:THUMBNAIL",
     },
+    ("rsa_data.embeddings.encoder:Encoder",),
 )
 
 _DEPTH_BY_CARD = (
@@ -145,6 +142,7 @@ HEADS = Entries(
         "image-objects": "rsa_data.heads.architectures.objects:ImageAndObjects",
         "text-image-objects": "rsa_data.heads.architectures.objects:TextImageAndObjects",
     },
+    ("rsa_data.heads.architectures.layers:Head",),
 )
 
 # Row stages, in the order data flows; see runner/stage.py.
@@ -180,12 +178,9 @@ ENGINES = Entries("engines", _ENGINES)
 STORES = Entries(
     "stores",
     {
-        "s3": "rsa_data.store.objects:ObjectStore",
-        "gs": "rsa_data.store.objects:ObjectStore",
-        "az": "rsa_data.store.objects:ObjectStore",
+        **dict.fromkeys(("s3", "gs", "az"), "rsa_data.store.objects:ObjectStore"),
         "hf": "rsa_data.store.hub:HubFiles",
-        "https": "rsa_data.store.http:HttpFiles",
-        "http": "rsa_data.store.http:HttpFiles",
+        **dict.fromkeys(("https", "http"), "rsa_data.store.http:HttpFiles"),
     },
 )
 
@@ -204,6 +199,7 @@ INPUTS = Entries(
         "proposals": "rsa_data.heads.inputs.proposals:PROPOSALS",
         "objects": "rsa_data.heads.inputs.objects:OBJECTS",
     },
+    ("rsa_data.heads.inputs.kinds:Kind",),
 )
 
 LOSSES = Entries(
@@ -214,6 +210,7 @@ LOSSES = Entries(
         "log-l1": "rsa_data.heads.train.losses:LOG_L1",
         "silog": "rsa_data.heads.train.losses:SILOG",
     },
+    ("rsa_data.heads.train.losses:Loss",),
 )
 
 # In the order that tables print them.
@@ -230,6 +227,7 @@ METRICS = Entries(
         "log10": "rsa_data.evaluation.metrics:LOG10",
         "silog": "rsa_data.evaluation.metrics:SILOG",
     },
+    ("rsa_data.evaluation.metrics:Metric",),
 )
 
 PROTOCOLS = Entries(
@@ -240,6 +238,7 @@ PROTOCOLS = Entries(
         "monodepth2": "rsa_data.evaluation.protocols:MONODEPTH2",
         "depth-anything": "rsa_data.evaluation.protocols:DEPTH_ANYTHING",
     },
+    ("rsa_data.evaluation.protocols:Protocol",),
 )
 
 # What other rooms reach through the registry, as they may not import it.

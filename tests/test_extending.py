@@ -84,7 +84,12 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     tables = work.tables("office")
     assert {"segments/halves-build", "embeddings/images/colours-COLOURS"} <= set(tables)
     assert {"embeddings/shares-SHARES/letters-LETTERS", "depth/floor-build"} <= set(tables)
-    assert (folder / "work/heads/wide/evaluation/inner-INNER/summary.md").is_file()
+    place = folder / "work/heads/wide/evaluation/inner-INNER"
+    for name in ("md", "txt", "tex"):
+        assert "within 10 cm" in (place / f"summary.{name}").read_text()
+    assert "↑" not in (place / "summary.tex").read_text()
+    measured = set(json.loads((place / "_evaluation.json").read_text())["code"])
+    assert measured == {"within:WITHIN", "inner:INNER"}
     assert "no problems" in shell("rsa-data verify", folder, RSA_DATA_CODE="wide:Wide")
     described = json.loads((folder / "work/heads/wide/_table.json").read_text())
     assert set(described["code"]) == {"wide:Wide", "inverse:INVERSE_L1", "focal:FOCAL"}
@@ -104,6 +109,9 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     assert "made for whole datasets only" in said
 
     # The source is part of the fingerprint: a changed module is another one.
+    (folder / "letters.py").write_text(MODULES["letters"] + "\n# changed\n")
+    said = shell(f"{predict} plain --caption a", folder, code=1, RSA_DATA_CODE=code)
+    assert "trained with another file code" in said
     (folder / "shares.py").write_text(MODULES["shares"] + "\n# changed\n")
     again = (
         "rsa-data captions --dataset office:office --segments halves:build --style shares:SHARES"
@@ -191,6 +199,20 @@ def test_a_broken_entry_breaks_nothing_else(installed):
     said = shell(f"{captions} --style shares", folder, code=1)
     assert "style 'shares': expected SHARES in the module shares; found ModuleNot" in said
     shell(f"{captions} --style occupancy", folder)
+
+
+def test_code_that_is_not_there_or_something_else_is_told(folder):
+    captions = "rsa-data captions --dataset office:office --root photos --segments halves:build"
+    said = shell(f"{captions} --style shraes:SHARES", folder, code=2)
+    assert (
+        "unknown style 'shraes'" in said
+        and f"finds no module shraes; put its folder on PYTHONPATH (now {folder}" in said
+    )
+    said = shell(f"{captions} --style letters:LETTERS", folder, code=2)
+    assert "style 'letters:LETTERS': expected a Wording; found an Encoder" in said
+    said = shell("rsa-data status", folder, RSA_DATA_CODE="shares.SHARES,shraes:SHARES")
+    assert "expected module:attribute, separated by commas; found 'shares.SHARES'" in said
+    assert "shraes:SHARES: Python finds no module shraes" in said
 
 
 def test_a_name_that_nobody_knows_lists_installed_ones_too(installed):

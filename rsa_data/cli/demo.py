@@ -10,7 +10,7 @@ from ..runner import pipeline_files
 from ..runner.chains import RunOptions
 from ..store.tables import WorkDir
 from . import console
-from .heads import use
+from .following import use
 from .shared import report
 
 # Pictures of a sheet: a few of each dataset, spread over its test scenes.

@@ -7,40 +7,14 @@ from typing import Any
 import click
 
 from ..common.options import call
-from ..heads.description import parse
 from ..heads.import_head import import_head as import_function
-from ..heads.reading import reads
 from ..heads.train.train_head import train_head as train_head_function
 from ..heads.travel import export_head as export_function
 from ..store.tables import WorkDir
 from . import console
+from .following import after_training, code_of_head, use, with_code
 from .options import FilePath, click_options
 from .shared import say_next, work_option
-
-# A caption of the release's structured texts, for heads of which no captions are known.
-_CAPTION = "An image with a bed, a wall, and two pillows."
-
-
-def example_caption(work: WorkDir, head: str) -> str:
-    """A caption that the head knows, quoted for a shell: the first one of its training set."""
-    about = parse(work.store.read(f"heads/{head}/head.json") or b"{}", f"heads/{head}/head.json")
-    for dataset, used in (about.get("datasets") or {}).items():
-        for name in used.get("tables") or ():
-            table = work.table(dataset, name)
-            if name.startswith("captions/") and (parts := table.parts()):
-                texts = table.read(parts[0], ["text"])["text"].to_pylist()
-                # "An image." is what is said where nothing was found.
-                return shlex.quote(next((t for t in texts if t != "An image."), _CAPTION))
-    return shlex.quote(_CAPTION)
-
-
-def use(work: WorkDir, head: str) -> str:
-    """The command that shows what a head says: of a caption, or in the report where it needs a
-    photo."""
-    about = parse(work.store.read(f"heads/{head}/head.json") or b"{}", f"heads/{head}/head.json")
-    if not {"text", "objects"}.issuperset(reads(about)):
-        return "report"
-    return f"predict --head {head} --caption {example_caption(work, head)}"
 
 
 @click.command("train-head")
@@ -54,7 +28,8 @@ def train_head(work: str, **options: Any) -> None:
     """
     result = call(train_head_function, WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
-    say_next(WorkDir(work), f"evaluate --head {options['name']}")
+    place, name = WorkDir(work), options["name"]
+    say_next(place, after_training(place, name), code_of_head(place, name))
 
 
 @click.command("export-head")
@@ -73,9 +48,10 @@ def export_head(work: str, name: str, place: Path) -> None:
     for path in export_function(WorkDir(work), name, place):
         click.echo(f"wrote {path}")
     at = shlex.quote(str(place))
-    command = use(WorkDir(work), name).replace(f"--head {name} ", f"--head {at} ")
+    quoted = shlex.quote(name)
+    command = use(WorkDir(work), name).replace(f"--head {quoted} ", f"--head {at} ")
     if command.startswith("predict"):
-        click.echo(f"next: rsa-data {command}")
+        click.echo(f"next: {with_code(f'rsa-data {command}', code_of_head(WorkDir(work), name))}")
 
 
 @click.command("import-head")
@@ -93,4 +69,4 @@ def import_head(work: str, file: Path, **options: Any) -> None:
     for name, measures in description["imported"]["measures"].items():
         numbers = "  ".join(f"{key} {value:.4f}" for key, value in measures.items())
         click.echo(f"  its own test measures, {name}: {numbers}")
-    say_next(WorkDir(work), use(WorkDir(work), Path(where).name))
+    say_next(WorkDir(work), use(WorkDir(work), Path(where).name), [])

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .. import registry
-from ..common import entries, pandas_later
+from ..common import own_code, pandas_later
 from ..common.errors import unknown
 from ..common.options import RenamedOption
 from . import console, process
@@ -103,7 +103,9 @@ class Group(click.Group):
         return load(name) if name in names() else None
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        entries.allow(args)
+        for line in own_code.unusable():
+            warnings.warn(line, stacklevel=2)
+        own_code.allow(args)
         if args and args[0] not in names() and not args[0].startswith("-"):
             raise click.UsageError(str(unknown("command", args[0], names())))
         name, command, rest = super().resolve_command(ctx, args)

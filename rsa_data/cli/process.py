@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ..common import entries, terminal
+from ..common import own_code, terminal
 from ..common.errors import RsaDataError
 from . import signals
 
@@ -68,7 +68,7 @@ def _unexpected(error: BaseException) -> str:
         where = f"{error.filename!s:.500}: " if error.filename else ""
         return where + (error.strerror or what)
     shown = f"unexpected {kind}: {what}" if what else f"unexpected {kind}"
-    whose = " or ".join(["rsa-data", *(f"the code {name}" for name in entries.allowed())])
+    whose = " or ".join(["rsa-data", *(f"the code {name}" for name in own_code.allowed())])
     return f"{shown:.500}. This is a fault of {whose}: `rsa-data --debug ...` shows the traceback"
 
 

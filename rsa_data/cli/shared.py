@@ -20,6 +20,7 @@ from ..runner.plan import lines as plan_lines
 from ..runner.runs import Summary
 from ..store.tables import WorkDir
 from . import console
+from .following import with_code
 from .options import Number
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -181,8 +182,9 @@ def report_plan(workers: int, stage: str, dataset: str, estimate: Estimate) -> N
         click.echo(line)
 
 
-def say_next(work: WorkDir, command: str) -> None:
-    """Prints the next command to type, with --work where it is not the default."""
-    if click.get_current_context().meta.get(PLANNING):
-        return
-    click.echo(f"next: rsa-data {command}{work.option}")
+def say_next(work: WorkDir, command: str, code: list[str]) -> None:
+    """Prints the next command to type, with --work where it is not the default.
+
+    code : `module:attribute` of what it needs that is not this package's.
+    """
+    click.echo(f"next: {with_code(f'rsa-data {command}{work.option}', code)}")

@@ -10,7 +10,7 @@ from ..evaluation.evaluate import evaluate as evaluate_function
 from ..evaluation.robustness import robustness as robustness_function
 from ..store.tables import WorkDir
 from . import console
-from .heads import use
+from .following import code_of_head, use
 from .options import click_options
 from .shared import say_next, work_option
 
@@ -28,7 +28,8 @@ def evaluate(work: str, **options: Any) -> None:
     """
     result = call(evaluate_function, WorkDir(work), bar=console.bar, **options)
     click.echo(result.summary)
-    say_next(WorkDir(work), use(WorkDir(work), options["head"]))
+    place, name = WorkDir(work), options["head"]
+    say_next(place, use(place, name), code_of_head(place, name))
 
 
 @click.command()

@@ -12,6 +12,7 @@ from ..runner.chains import RunOptions
 from ..runner.stage import GIVEN, Stage
 from ..runner.stages import ConfiguredStage
 from ..store.tables import WorkDir
+from . import following
 from .options import Number, click_options, one_option
 from .shared import key_values, one_dataset, running, say_next
 
@@ -93,9 +94,7 @@ def _over_one(stage: Stage) -> Any:
         made = chains.chain(work, configured, name, how, root=root, wanted=wanted, first=first)
         if preview and how.plan is None:
             _draw(work, name, made.output, preview, root)
-        several = sum(table.startswith(f"{stage.kind}/") for table in work.tables(name)) > 1
-        choose = f" --{stage.kind} {made.output.rpartition('/')[2]}" if several else ""
-        say_next(work, stage.next.format(dataset=name, choose=choose))
+        _say_next(work, stage, name, made.output, how)
 
     return call
 
@@ -111,11 +110,18 @@ def _over_all(stage: Stage) -> Any:
     ) -> None:
         configured = ConfiguredStage(stage, options, label)
         names = chains.known_datasets(work, datasets)
-        for name in names:
-            chains.chain(work, configured, name, how, wanted=wanted)
-        say_next(work, stage.next.format(dataset=names[0]))
+        made = [chains.chain(work, configured, name, how, wanted=wanted) for name in names]
+        _say_next(work, stage, names[0], made[0].output, how)
 
     return call
+
+
+def _say_next(work: WorkDir, stage: Stage, dataset: str, output: str, how: RunOptions) -> None:
+    if how.plan is None:
+        folder = str(work.table(dataset, "samples")).removesuffix("samples")
+        table = output.removeprefix(folder)
+        command = following.after(work, stage, dataset, table)
+        say_next(work, command, following.code_of_dataset(work, dataset))
 
 
 def _draw(work: WorkDir, dataset: str, output: str, count: int, root: Path | None) -> None:

@@ -4,7 +4,7 @@ import inspect
 from importlib import import_module
 from typing import Any
 
-from . import entries
+from . import own_code
 from .entries import Entries
 from .errors import RsaDataError, UsageError, unknown
 from .extras import extras
@@ -14,11 +14,12 @@ def resolve(kind: str, table: dict[str, str], name: str) -> Any:
     """The object that `name` stands for in one of the tables above.
 
     Raises UsageError when the name is unknown (with the choices and the nearest one), and
-    RsaDataError with the pip line when a package that it needs is not installed.
+    RsaDataError with the pip line when a package that it needs is not installed. Code that is not
+    this package's is held against what the table's entries are.
     """
     check(kind, table, name)
     if isinstance(table, Entries) and not table.is_own(name):
-        return entries.load(kind, name, table[name])
+        return own_code.load(kind, name, table[name], table.of)
     module, attribute = table[name].split(":")
     with extras(f"{kind} {name!r}"):
         return getattr(import_module(module), attribute)
@@ -27,7 +28,9 @@ def resolve(kind: str, table: dict[str, str], name: str) -> Any:
 def check(kind: str, table: dict[str, str], name: str) -> None:
     """Raises UsageError for a name that is not in the table, with the choices and the nearest."""
     if name not in table:
-        raise entries.not_allowed(kind, name) or unknown(kind, name, table)
+        raise own_code.not_allowed(kind, name) or UsageError(
+            f"{unknown(kind, name, table)}{own_code.not_found(name)}"
+        )
 
 
 def build(kind: str, table: dict[str, str], choice: str) -> Any:

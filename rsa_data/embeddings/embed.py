@@ -209,7 +209,7 @@ def _runners(
         precision = runtime.native_precision(wanted, device)
     where = runtime.choose(precision, wanted, device)
     paths = files(encoder=encoder, encoder_weights=encoder_weights)
-    model = _encoder(encoder).load(paths)
+    model = _encoder(encoder).loaded(paths, TextModel)
     return runtime.runners(model, _sources(encoder, paths), precision, where, threads)
 
 

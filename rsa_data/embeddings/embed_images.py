@@ -58,7 +58,7 @@ def build(
         raise UsageError("embed-images: expected the dataset's images; give --root DIR")
     torch.set_num_threads(threads)
     _, on = runtimes.choose(precision, "torch", device)
-    model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
+    model = _loaded(encoder, encoder_weights)
     run = in_torch(model.module, precision, on)
 
     def step(samples: pa.Table) -> pa.Table:
@@ -107,7 +107,7 @@ def loaded(
     *, encoder: str, encoder_weights: Path | None = None
 ) -> Callable[[Sequence[np.ndarray]], np.ndarray]:
     """An image encoder with its weights in memory: images, uint8 (h, w, 3), RGB -> `encode`."""
-    model = _encoder(encoder).load(files(encoder=encoder, encoder_weights=encoder_weights))
+    model = _loaded(encoder, encoder_weights)
     run = in_torch(model.module, "float32", "cpu")
 
     def encode(images: Sequence[np.ndarray]) -> np.ndarray:
@@ -125,6 +125,11 @@ def encode(
 ) -> np.ndarray:
     """Features of a few images, uint8 (h, w, 3), RGB: float32 (n, dim)."""
     return loaded(encoder=encoder, encoder_weights=encoder_weights)(images)
+
+
+def _loaded(encoder: str, weights: Path | None) -> ImageModel:
+    paths = files(encoder=encoder, encoder_weights=weights)
+    return _encoder(encoder).loaded(paths, ImageModel)
 
 
 def _encoder(encoder: str) -> Encoder[ImageModel]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from ..common.errors import UsageError
 from ..common.pretrained import Ids as Ids
 
 if TYPE_CHECKING:
@@ -77,6 +78,16 @@ class Encoder(Generic[Model]):
     doc: str
     files: Callable[[str | None, Path | None], dict[str, Path]]
     load: Callable[[dict[str, Path]], Model]
+
+    def loaded(self, files: dict[str, Path], kind: type[Model]) -> Model:
+        """What `load` gives; raises UsageError where it is a model of another kind."""
+        model = self.load(files)
+        if not isinstance(model, kind):
+            raise UsageError(
+                f"encoder ({self.doc}): expected a {kind.__name__}; found {type(model).__name__}: "
+                "it is listed as an encoder of the other kind, texts or images"
+            )
+        return model
 
     def __post_init__(self) -> None:
         # `rsa-data list` shows the documentation of what a name stands for.

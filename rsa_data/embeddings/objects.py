@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from .. import registry
 from ..common.class_names import clean
 from ..runner.stage import Reads, Stage
 from ..store import schemas
@@ -90,6 +91,7 @@ STAGE = Stage(
     schema="objects",
     folder="embeddings/objects",
     selector="encoder",
+    choices=registry.ENCODERS,
     reads=Reads("segments", "segments"),
     local=("encoder_weights",),
     files=embed.files,

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..store.tables import WorkDir
-from .metrics import metrics as known
+from .known_metrics import metrics as known
 
 
 def described(work: WorkDir, dataset: str, captions: str, numbers: Sequence[int]) -> pd.DataFrame:

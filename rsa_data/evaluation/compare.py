@@ -16,8 +16,8 @@ from . import breakdown, formats, output, paired, plots
 from .constants import fit_constants
 from .contenders import Entry, inputs_of, methods_of, plans, train, training_images
 from .evaluate import Evaluation, notes
+from .known_metrics import metrics
 from .methods import by_constant, oracle_methods
-from .metrics import metrics
 from .options import Measuring
 from .protocols import Rules
 from .regions import region_methods

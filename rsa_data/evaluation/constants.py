@@ -6,7 +6,7 @@ import numpy as np
 
 from ..common.errors import RsaDataError
 from ..datasets import index
-from ..runner.stages import again
+from ..runner.commands import again
 from ..store.tables import WorkDir
 
 

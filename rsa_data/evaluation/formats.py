@@ -4,7 +4,8 @@ import csv
 import io
 from collections.abc import Callable, Sequence
 
-from .metrics import Metric, metrics
+from .known_metrics import metrics
+from .metrics import Metric
 from .summary import Row
 
 
@@ -67,7 +68,7 @@ def latex(rows: Sequence[Row]) -> str:
 def _title(title: str) -> str:
     if title.startswith("δ"):
         return rf"$\delta_{title[1]}$ $\uparrow$"
-    return _escape(title).replace("↓", r"$\downarrow$")
+    return _escape(title).replace("↓", r"$\downarrow$").replace("↑", r"$\uparrow$")
 
 
 def _escape(cell: str) -> str:

@@ -1,17 +1,16 @@
 """The measures of metric depth that the field reports, one object each.
 
-A metric is an object here or in a module of its own, and a line in registry.METRICS. Columns of
-the metrics table, summaries, reports and exports follow from that list.
+A metric is an object here or elsewhere, and a line in registry.METRICS or a name in RSA_DATA_CODE;
+columns of the metrics table, summaries, reports and exports follow from known_metrics.py.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from .. import registry
 from ..common.errors import RsaDataError
 
 
@@ -161,12 +160,6 @@ SILOG = Metric(
 )
 
 
-@cache
-def metrics() -> dict[str, Metric]:
-    """Every metric by its name, in the order that tables print them."""
-    return {name: registry.resolve("metric", registry.METRICS, name) for name in registry.METRICS}
-
-
 def depth_errors(
     gt: Any,
     pred: Any,
@@ -236,6 +229,8 @@ def depth_errors(
 
 def errors_of_valid(gt: np.ndarray, pred: np.ndarray) -> dict[str, float]:
     """The same for float64 arrays of shape (n,) that hold valid and clipped pixels only, m."""
+    from .known_metrics import metrics  # which imports what stands here
+
     pixels = Pixels(gt, pred)
     return {name: float(metric.of(pixels)) for name, metric in metrics().items()}
 
@@ -251,4 +246,9 @@ def as_array(values: Any) -> np.ndarray:
     """A torch tensor (of any device) or an array-like as a float64 array."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().double().numpy()
-    return np.asarray(values, np.float64)
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise RsaDataError(
+            f"depth_errors: expected an array of numbers; found {type(values).__name__}"
+        ) from error

@@ -6,7 +6,7 @@ from typing import Any
 import pyarrow as pa
 
 from ..store import schemas
-from .metrics import metrics
+from .known_metrics import metrics
 
 
 def to_table(rows: Sequence[dict[str, Any]]) -> pa.Table:

@@ -21,6 +21,7 @@ from ..store.encoding import to_json
 from ..store.table_names import plain_name
 from ..store.tables import WorkDir
 from .formats import FORMATS
+from .known_metrics import sources as metric_sources
 from .options import Measuring
 from .summary import Row
 
@@ -106,7 +107,7 @@ def _unchanged(work: WorkDir, folder: str, record: Record) -> None:
 def record_of(heads: dict[str, str], datasets: Sequence[str], measuring: Measuring) -> Record:
     """The record of what is about to be written."""
     names = [(registry.PROTOCOLS, measuring.protocol)]
-    names += [(registry.METRICS, name) for name in registry.METRICS]
+    names += [(registry.METRICS, name) for name in metric_sources()]
     found = [source for entries, name in names if (source := entries.source(name))]
     code = {source["code"]: source["code_sha256"] for source in found}
     return Record(

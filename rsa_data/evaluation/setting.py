@@ -12,7 +12,7 @@ from ..datasets import index
 from ..datasets.found_samples import check_once
 from ..heads.belong import Source, Tables
 from ..heads.sources import sources as find_sources
-from ..runner.stages import again
+from ..runner.commands import again
 from ..store.tables import WorkDir
 from . import protocols
 from .inputs import TestPart

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..datasets import labels
-from .metrics import metrics
+from .known_metrics import metrics
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load as from_safetensors
 from safetensors.torch import save as to_safetensors
 
-from ..common.errors import RsaDataError
+from ..common import calls
+from ..common.errors import RsaDataError, UsageError
 from ..registry import HEADS, resolve
 from ..store.encoding import to_json
 from ..store.stores import Store, open_store
@@ -30,12 +31,9 @@ class ScaleHead:
     """Turns features of a scene into the scale and shift that make its relative depth metric.
 
     network : the architecture, a module from standardised features (n, dim) to scale and shift.
-    description : head.json, typed or as plain values; `features.dim`, `architecture` and `format`
-        are needed.
-    mean, factor : float32 (dim,); the network is given (features - mean) * factor, so that callers
-        always pass raw features, as they stand in the embeddings table.
-    reference : float16 (m, dim), raw features of training captions to measure others' distance
-        from; None when the head does not know what it was trained on.
+    description : head.json, typed or plain; `features.dim`, `architecture`, `format` are needed.
+    mean, factor : float32 (dim,); the network is given (features - mean) * factor of raw features.
+    reference : float16 (m, dim), raw features of training captions; None where not known.
 
     Raises RsaDataError when one of these does not fit the others or is not finite.
     """
@@ -71,6 +69,7 @@ class ScaleHead:
         Raises RsaDataError when there is none, when it is broken, or when its weights are not
         exactly those that head.json speaks of.
         """
+        calls.path("ScaleHead.load", path)
         if "://" not in str(path) and (Path(path).is_file() or str(path).endswith((".pt", ".pth"))):
             tensors, known = read_released(Path(path))
             try:
@@ -173,8 +172,10 @@ class ScaleHead:
 
     @torch.inference_mode()
     def outputs(self, features: Any) -> tuple[Any, Any]:
-        """The same as a call, without the check that scale and shift are finite."""
-        x = torch.as_tensor(np.array(features) if isinstance(features, np.ndarray) else features)
+        """A call without the check that scale and shift are finite."""
+        x = torch.from_numpy(np.array(features)) if isinstance(features, np.ndarray) else features
+        if not isinstance(x, torch.Tensor):
+            raise UsageError(f"features: expected an array; found {type(features).__name__}")
         fits = getattr(self.network, "fits", lambda columns, dim: columns == dim)
         if x.ndim != 2 or not fits(x.shape[1], self.dim):
             raise RsaDataError(
@@ -205,6 +206,7 @@ class ScaleHead:
         scale, shift = self.network(batch)
         return scale, shift
 
+    @calls.in_python
     def predict(self, captions: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Scale and shift of each caption, float32 (n,), by the encoder the head was trained on.
 
@@ -212,7 +214,7 @@ class ScaleHead:
         """
         from .reading import encode
 
-        return self(encode(self.about.features, captions))
+        return self(encode(self.about.features, calls.texts("ScaleHead.predict", captions)))
 
 
 def build_network(architecture: Mapping[str, Any], dim: int) -> Head:

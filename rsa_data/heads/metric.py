@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from ..common.errors import UsageError
+
 
 def to_metric(relative: Any, scale: Any, shift: Any) -> Any:
     """Metric depth = 1 / (scale * y + shift), in m.
@@ -19,11 +21,18 @@ def to_metric(relative: Any, scale: Any, shift: Any) -> Any:
     point is beyond everything; evaluation then clips it to the protocol's maximum depth. nan stays
     nan.
     """
-    if isinstance(relative, np.ndarray) or np.isscalar(relative):
-        y = np.asarray(relative, np.float32)
-        inverse = np.asarray(_spread(np.asarray(scale, np.float32), y) * y)
+    if not hasattr(relative, "detach"):
+        y = _array("relative", relative)
+        scale, shift = _array("scale", scale), _array("shift", shift)
+        for number in (scale, shift):
+            if number.ndim > 1 or (number.ndim == 1 and number.shape != y.shape[:1]):
+                raise UsageError(
+                    "to_metric: expected scale and shift as numbers, or one for each map of "
+                    f"relative {y.shape}; found the shape {number.shape}"
+                )
+        inverse = np.asarray(_spread(scale, y) * y)
         # In place, since a map of 100 megapixels takes 400 MB.
-        inverse += _spread(np.asarray(shift, np.float32), y)
+        inverse += _spread(shift, y)
         beyond = inverse <= 0
         with np.errstate(divide="ignore"):
             np.divide(np.float32(1), inverse, out=inverse)
@@ -36,6 +45,15 @@ def to_metric(relative: Any, scale: Any, shift: Any) -> Any:
     shift = torch.as_tensor(shift, dtype=torch.float32, device=y.device)
     inverse = _spread(scale, y) * y + _spread(shift, y)
     return torch.where(inverse <= 0, torch.inf, 1 / inverse)
+
+
+def _array(name: str, given: Any) -> np.ndarray:
+    try:
+        return np.asarray(given.detach().cpu() if hasattr(given, "detach") else given, np.float32)
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            f"to_metric: {name}: expected numbers; found {type(given).__name__}"
+        ) from error
 
 
 def _spread(number: Any, y: Any) -> Any:

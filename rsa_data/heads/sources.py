@@ -1,9 +1,11 @@
 """Which tables of a work dir a head learns from or is measured on."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from .. import registry
 from ..common.errors import RsaDataError, UsageError, unknown
+from ..runner.commands import making
 from ..store.tables import WorkDir
 from .belong import Source, Tables
 from .inputs import kinds
@@ -28,20 +30,38 @@ def sources(work: WorkDir, tables: Tables, head: str, reads: Sequence[str]) -> l
         )
     if reads and tables.style and not _has_style(reads, tables.style):
         raise UsageError(f"--head {head} reads {' and '.join(reads)}; found --style {tables.style}")
-    found = []
-    for name in tables.datasets or there:
-        names = work.tables(name)
-        depths = [t for t in names if t.startswith("depth/")]
-        depth = _only(
-            name,
-            "depth",
-            [t for t in depths if tables.depth_model in (None, t.partition("/")[2])],
-            "--depth-model",
-            f"rsa-data depth --dataset {name} --depth-model "
-            f"{tables.depth_model or 'depth-anything-v2-small'}{work.option}",
-        )
-        found.append(Source(name, depth, tuple(_inputs(work, name, names, tables, reads))))
+    found, names = [], tables.datasets or there
+    for name in names:
+        try:
+            found.append(_source(work, name, tables, reads))
+        except _Missing as missing:
+            others = [
+                other for other in names if other != name and missing.fits(work.tables(other))
+            ]
+            without = f", or leave it out: {' '.join(f'--datasets {other}' for other in others)}"
+            raise RsaDataError(f"{missing}{without if others else ''}") from None
     return found
+
+
+class _Missing(RsaDataError):
+    """No table of a dataset is wanted; fits : whether one of these names is."""
+
+    def __init__(self, said: str, fits: Callable[[Sequence[str]], bool]):
+        super().__init__(said)
+        self.fits = fits
+
+
+def _source(work: WorkDir, dataset: str, tables: Tables, reads: Sequence[str]) -> Source:
+    wanted = tables.depth_model
+
+    def among(names: Sequence[str]) -> list[str]:
+        return [n for n in names if n.startswith("depth/") and wanted in (None, n[6:])]
+
+    alike = [name for other in work.datasets() for name in among(work.tables(other))]
+    usual = f"depth/{wanted or 'depth-anything-v2-small'}"
+    exact = f"depth/{wanted or '...'}"
+    depth = _only(work, dataset, [*alike[:1], usual, exact], among, "--depth-model")
+    return Source(dataset, depth, tuple(_inputs(work, dataset, tables, reads)))
 
 
 def _has_style(reads: Sequence[str], style: str) -> bool:
@@ -51,10 +71,8 @@ def _has_style(reads: Sequence[str], style: str) -> bool:
     return "text" in reads
 
 
-def _inputs(
-    work: WorkDir, dataset: str, names: Sequence[str], tables: Tables, reads: Sequence[str]
-) -> list[Feed]:
-    """The inputs of a head on one dataset whose tables are `names`."""
+def _inputs(work: WorkDir, dataset: str, tables: Tables, reads: Sequence[str]) -> list[Feed]:
+    """The inputs of a head on one dataset."""
     encoders: list[str | None] = [*(tables.encoder.split("+") if tables.encoder else [])]
     if not reads and len(encoders) == 2:
         reads = ("text", "image")
@@ -64,33 +82,72 @@ def _inputs(
         )
     # One encoder for several inputs is the first one's; the others must be the only ones there.
     encoders += [None] * (max(len(reads), 1) - len(encoders))
-    feeds = [kinds.feed(table) for table in names if table.startswith("embeddings/")]
     if not reads:
-        vectors = [feed for feed in feeds if kinds.kind(feed.kind).vector]
-        good = [f for f in vectors if tables.style in (None, f.style)]
-        return [_chosen(dataset, good, encoders[0], f"rsa-data embed{work.option}")]
+        vectors = partial(_feeds, style=tables.style, encoder=encoders[0], kind=None)
+        return [_chosen(work, dataset, vectors, (tables.style, encoders[0]))]
     found = []
     for name, encoder in zip(reads, encoders, strict=True):
         own = kinds.kind(name)
         if own.table:
             found.append(Feed(name, own.table))
             continue
-        good = [feed for feed in feeds if feed.kind == name]
-        if name == "text":
-            good = [feed for feed in good if tables.style in (None, feed.style)]
-        found.append(_chosen(dataset, good, encoder, f"{own.made_by}{work.option}"))
+        style = tables.style if name == "text" else None
+        among = partial(_feeds, style=style, encoder=encoder, kind=name)
+        found.append(_chosen(work, dataset, among, (own.folder or style, encoder)))
     return found
 
 
-def _chosen(dataset: str, feeds: list[Feed], encoder: str | None, make: str) -> Feed:
-    by_name = {feed.table: feed for feed in feeds if encoder in (None, feed.encoder)}
-    return by_name[_only(dataset, "embeddings", list(by_name), "--style and --encoder", make)]
+def _feeds(
+    names: Sequence[str], style: str | None, encoder: str | None, kind: str | None
+) -> list[str]:
+    """The embeddings tables that fit; kind : of input, None for any that is one vector."""
+    feeds = [kinds.feed(table) for table in names if table.startswith("embeddings/")]
+    return [
+        feed.table
+        for feed in feeds
+        if style in (None, feed.style)
+        and encoder in (None, feed.encoder)
+        and (kinds.kind(feed.kind).vector if kind is None else feed.kind == kind)
+    ]
 
 
-def _only(dataset: str, kind: str, found: list[str], by: str, make: str) -> str:
-    if not found:
-        raise RsaDataError(f"{dataset}: no such {kind} table. Make it first: {make}")
+def _chosen(
+    work: WorkDir,
+    dataset: str,
+    among: Callable[[Sequence[str]], list[str]],
+    wanted: tuple[str | None, str | None],
+) -> Feed:
+    """wanted : folder or style, and encoder, as far as they are given."""
+    style, encoder = wanted
+    exact = [f"embeddings/{style or '...'}/{encoder or '...'}"]
+    alike = [name for other in work.datasets() for name in among(work.tables(other))]
+    by = "--style and --encoder"
+    return kinds.feed(_only(work, dataset, [*alike[:1], *exact], among, by))
+
+
+def _only(
+    work: WorkDir,
+    dataset: str,
+    wanted: Sequence[str],
+    among: Callable[[Sequence[str]], list[str]],
+    by: str,
+) -> str:
+    """The only table of a dataset that fits.
+
+    wanted : the name of one that would, as other datasets have it, and as it was asked for.
+    among : names -> those that fit. by : the options that choose.
+    """
+    names = work.tables(dataset)
+    kind = wanted[-1].partition("/")[0]
+    found = among(names)
     if len(found) > 1:
-        names = ", ".join(name.partition("/")[2] for name in found)
-        raise UsageError(f"{dataset}: several {kind} tables; say which by {by}: {names}")
-    return found[0]
+        told = ", ".join(name.partition("/")[2] for name in found)
+        raise UsageError(f"{dataset}: several {kind} tables; say which by {by}: {told}")
+    if found:
+        return found[0]
+    there = [name.partition("/")[2] for name in names if name.startswith(f"{kind}/")]
+    raise _Missing(
+        f"{dataset}: no such {kind} table: expected {wanted[-1]}; found "
+        f"{', '.join(there) or 'none'}. Make it first: {making(work, dataset, wanted[0])}",
+        lambda others: bool(among(others)),
+    )

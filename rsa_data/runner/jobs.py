@@ -10,6 +10,7 @@ from ..datasets import index
 from ..store.table_names import check_name, plain_name
 from ..store.tables import Table, WorkDir
 from . import stages
+from .commands import making
 from .stage import Options, Stage
 from .stages import ConfiguredStage
 
@@ -137,9 +138,12 @@ def choose(work: WorkDir, dataset: str, kind: str, wanted: str | None, option: s
     found = ", ".join(name.removeprefix(kind + "/") for name in there) or "none"
     if wanted is None and there:
         raise UsageError(f"{dataset}: several {kind} tables: choose one with {option}: {found}")
+    name = f"{kind}/{wanted or '...'}"
+    having = [other for other in work.datasets() if name in work.tables(other)]
+    others = f", or leave it out: {' '.join(f'--dataset {other}' for other in having)}"
     raise RsaDataError(
-        f"{work.store.location}/{dataset}: expected {kind}/{wanted or '...'}; found {found}. "
-        f"Make it first: rsa-data {stages.maker(kind).name} --dataset {dataset}"
+        f"{work.store.location}/{dataset}: expected {name}; found {found}. Make it first: "
+        f"{making(work, dataset, name)}{others if having else ''}"
     )
 
 

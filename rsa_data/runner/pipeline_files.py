@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import registry
-from ..common import bounded, entries, options, typed
+from ..common import bounded, options, own_code, typed
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..common.files import shipped
 from ..datasets import index
@@ -87,7 +87,7 @@ def load(path: Path, changes: Mapping[str, Any] | None = None) -> PipelineFile:
         raw = bounded.read_toml(file)
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: not a TOML file: {error}") from error
-    entries.allow([*_words(raw), *map(str, (changes or {}).values())])
+    own_code.allow([*_words(raw), *map(str, (changes or {}).values())])
     if path.is_file() and (folder := str(path.parent.resolve())) not in sys.path:
         sys.path.append(folder)  # modules beside the file may be named in it
     rename(raw)

@@ -85,8 +85,8 @@ class Stage:
     build : (**options) -> Step; its keyword-only parameters are the options of the stage, and its
         docstring describes them.
     help : help text of the command; its first line is shown in lists, its block is an example.
-    next : what to run afterwards; {dataset} stands for the dataset's name, {choose} for the option
-        that chooses the table just made, where there are several.
+    next : what to run afterwards; {dataset} stands for the dataset's name. Options that choose
+        among several tables are added.
     schema : of the output table.
     folder : where output tables lie, FOLDER/LABEL; {label} in it stands for the label of the table
         that is read.

@@ -1,7 +1,6 @@
 """The row stages of the registry, and a stage together with the options that a user chose."""
 
 import inspect
-import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,6 @@ from ..common import options as binding
 from ..common.entries import Entries
 from ..common.errors import UsageError
 from ..store.table_names import check_name, plain_name
-from ..store.tables import Table, WorkDir
 from .stage import GIVEN, Options, Stage
 
 
@@ -88,17 +86,6 @@ def bind(name: str, given: Mapping[str, Any]) -> ConfiguredStage:
     if label is not None and not isinstance(label, str):
         raise UsageError(f"{name}: label: expected text, found {label!r}")
     return ConfiguredStage(what, binding.bind(_without_given(what.build), own, name), label)
-
-
-def again(work: WorkDir, table: Table, more: str = "") -> str:
-    """The command that makes more of a table, as it can be typed; more : further options."""
-    about = table.description()
-    selector = stage(about.stage).selector
-    chosen = about.options.get(selector) if selector else None
-    option = f" {binding.flag(selector)} {shlex.quote(str(chosen))}" if selector and chosen else ""
-    return (
-        f"rsa-data {about.stage} --dataset {shlex.quote(table.dataset)}{option}{more}{work.option}"
-    )
 
 
 def label_of(choice: str, choices: Entries | None = None) -> str:

@@ -153,7 +153,7 @@ STAGE = Stage(
     \b
       rsa-data detect --dataset nyuv2 --segments yolox-nano --segmenter-weights yolox_nano.onnx
     """,
-    next="captions --dataset {dataset}{choose}",
+    next="captions --dataset {dataset}",
     schema="segments",
     folder="segments",
     selector="segments",

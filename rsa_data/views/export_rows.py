@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 
 from ..common.errors import RowError, RsaDataError
 from ..datasets import images, index
-from ..runner.stages import again
+from ..runner.commands import again
 from ..store import schemas
 from ..store.tables import Table, WorkDir
 

@@ -8,21 +8,22 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
 
-from ..common.errors import UsageError
-from ..store import schemas
+from ..common import calls
+from ..common.calls import in_python
+from ..common.errors import RowError, RsaDataError, UsageError, unknown
+from .notebook_tables import objects, samples_table, segments_table
 
 if TYPE_CHECKING:
-    import pyarrow.dataset
-
     from ..heads.checkpoint import ScaleHead
 
 
+@in_python
 def write_captions(
     segments: Sequence[Sequence[Mapping[str, Any] | tuple[str, float]]],
     *,
@@ -46,47 +47,51 @@ def write_captions(
     Returns a list of `variants` texts for each image.
     """
     from ..captions import write
-    from ..common import entries
-    from ..common.options import call
+    from ..common import own_code
+    from ..common.options import bind, call
 
-    entries.allow([style])
-    found = [[_segment(s) for s in image] for image in segments]
+    own_code.allow([calls.text("write_captions: style", style)])
+    variants = calls.whole("write_captions: variants", variants, 1)
+    found = [objects(place, image) for place, image in enumerate(segments)]
     ids = [f"notebook/train/{k}" for k in range(len(found))]
     asked = {"style": style, "variants": variants, "seed": seed, **options}
-    step = call(write.build, **asked)
-    texts = step(_segments_table(ids, found), _samples_table(ids))["text"].to_pylist()
+    step = call(write.build, **bind(write.build, asked, "write_captions"))
+    texts = step(segments_table(ids, found), samples_table(ids))["text"].to_pylist()
     return [texts[k * variants : (k + 1) * variants] for k in range(len(found))]
 
 
+@in_python
 def embed_texts(
-    texts: Sequence[str], *, encoder: str = "clip-rn50", encoder_weights: Path | None = None
+    texts: Sequence[str],
+    *,
+    encoder: str = "clip-rn50",
+    encoder_weights: str | os.PathLike[str] | None = None,
 ) -> np.ndarray:
-    """Features of texts, float32 (n, dim), raw, as `rsa-data embed` computes them.
+    """Features of texts, float32 (n, dim), raw, computed in float32 on the CPU.
+
+    Those of a table differ by its rounding: by up to 4.9e-4 of a value where it is stored as
+    float16, by a few thousandths where `rsa-data embed` ran in bfloat16.
 
     encoder : a name of `rsa-data list encoders`, or `module:attribute` of your own.
     encoder_weights : file or folder of its weights, instead of the download.
     """
-    from ..common import entries
+    from ..common import own_code
     from ..embeddings import embed
 
-    entries.allow([encoder])
-    if isinstance(texts, str):
-        raise UsageError("embed_texts: expected a list of texts, found one text")
-    if not len(texts):
-        raise UsageError("embed_texts: expected at least one text, found none")
-    return embed.encode(list(texts), encoder=encoder, encoder_weights=encoder_weights)
+    own_code.allow([calls.text("embed_texts: encoder", encoder)])
+    found = calls.texts("embed_texts", texts)
+    weights = calls.path("embed_texts: encoder_weights", encoder_weights)
+    return embed.encode(found, encoder=encoder, encoder_weights=weights)
 
 
+@in_python
 def predict_depth(
     image: np.ndarray | str | os.PathLike[str],
     *,
     head: ScaleHead | str | os.PathLike[str],
     caption: str | None = None,
     relative: np.ndarray | None = None,
-    segments: str | None = None,
-    segmenter_weights: Path | None = None,
-    encoder_weights: Path | None = None,
-    depth_weights: Path | None = None,
+    **models: Any,
 ) -> np.ndarray:
     """Metric depth of one image, float32 (height, width), m; inf where it is beyond everything.
 
@@ -95,9 +100,12 @@ def predict_depth(
     image : uint8 (height, width, 3), RGB, or an image file.
     head : a ScaleHead, or the folder that holds one, such as work/heads/NAME.
     caption : what the image shows, instead of a caption from the head's segmenter.
-    relative : float (height, width), raw output of the head's depth model, instead of running it.
-    segments, segmenter_weights : the segmenter, and the file of its weights.
-    encoder_weights, depth_weights : files of the text encoder's and the depth model's weights.
+    relative : float (height, width), raw output of the head's depth model at the image's own size,
+        instead of running it.
+    models : the models and files of their weights as options of `rsa-data predict`: segments,
+        segmenter_weights, card, style, encoder_weights, depth_model, depth_weights, depth_card.
+
+    Raises RsaDataError where a model is missing, UsageError for an argument of another kind.
     """
     from PIL import Image
 
@@ -106,14 +114,13 @@ def predict_depth(
     from ..heads.metric import to_metric
     from ..heads.predict.asking import Asking
     from ..heads.predict.choices import Models
-    from ..heads.predict.images import describer, relative_map, relative_source
+    from ..heads.predict.images import depth_of, describer, relative_map, relative_source
 
     if not isinstance(head, ScaleHead):
-        head = ScaleHead.load(os.fspath(head))
-    about = head.description
-    models = Models(
-        segments=segments, segmenter_weights=segmenter_weights, depth_weights=depth_weights
-    )
+        head = ScaleHead.load(os.fspath(head) if isinstance(head, os.PathLike) else head)
+    if caption is not None:
+        calls.text("predict_depth: caption", caption)
+    about, chosen = head.description, Models(**_models(models))
     with tempfile.TemporaryDirectory() as folder:
         if isinstance(image, np.ndarray):
             if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
@@ -124,54 +131,56 @@ def predict_depth(
             place = Path(folder) / "image.png"
             Image.fromarray(image).save(place)
         else:
-            place = Path(image)
-        ask = Asking(head, encoder_weights)
+            place = Path(calls.path("predict_depth: image", image) or "")
+        try:
+            width, height = image_size(place)
+        except RowError as error:
+            raise RsaDataError(f"predict_depth: image {place}: {error}") from error
+        if relative is not None:
+            relative = _relative(relative, (height, width))
+        else:
+            try:
+                depth_of(about, chosen)
+            except UsageError as error:
+                raise UsageError(
+                    "predict_depth: relative: expected the image's relative depth, float "
+                    f"{height, width}; found none, and no depth model to make it: "
+                    f"{str(error).removeprefix('predict: ')}"
+                ) from error
+        ask = Asking(head, chosen.encoder_weights, chosen.style)
         found, own = None, caption
         if caption is None and ask.kinds != ("image",):
-            found, own = describer(about, place.parent, models)(place.name)
+            found, own = describer(about, place.parent, chosen)(place.name)
         said = ask(own, found, read_image(place) if "image" in ask.kinds else None)
         if relative is None:
-            width, height = image_size(place)
-            source = relative_source(about, place.parent, models)
+            source = relative_source(about, place.parent, chosen)
             relative = relative_map(source, place.name, (height, width))
-    depth: np.ndarray = to_metric(np.asarray(relative), said.scale, said.shift)
+    depth: np.ndarray = to_metric(relative, said.scale, said.shift)
     return depth
 
 
-def _segment(given: Mapping[str, Any] | tuple[str, float]) -> dict[str, Any]:
-    """One object with every field that it may have."""
-    known = {"score": 1.0, "is_thing": True, "box": None}
-    if isinstance(given, Mapping):
-        strange = set(given) - {"label", "area", *known}
-        if strange or not {"label", "area"} <= set(given):
-            raise UsageError(
-                "write_captions: expected label, area and maybe box, score and is_thing; found "
-                f"{', '.join(given)}"
-            )
-        return {**known, **given}
-    label, area = given
-    return {**known, "label": label, "area": area}
+def _models(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of `Models` by name, checked."""
+    from ..heads.predict.choices import Models
+
+    kinds = {field.name: str(field.type) for field in fields(Models) if field.name != "relative"}
+    found: dict[str, Any] = {}
+    for name, value in given.items():
+        if name not in kinds:
+            raise UsageError(f"predict_depth: {unknown('argument', name, kinds)}")
+        check = calls.path if "Path" in kinds[name] else calls.text
+        found[name] = None if value is None else check(f"predict_depth: {name}", value)
+    return found
 
 
-def _segments_table(ids: list[str], images: list[list[dict[str, Any]]]) -> pa.Table:
-    n = len(ids)
-    boxes = [[s["box"] for s in image] for image in images]
-    columns: dict[str, Any] = {name: [None] * n for name in schemas.schema("segments").names}
-    columns |= {"sample_id": ids, "status": ["ok"] * n}
-    columns |= {
-        name: [[s[name] for s in image] for image in images]
-        for name in ("label", "score", "area", "is_thing")
-    }
-    columns["box"] = [None if any(b is None for b in found) else found for found in boxes]
-    columns["center"] = [
-        None if b is None else [((x0 + x1) / 2, (y0 + y1) / 2) for x0, y0, x1, y1 in b]
-        for b in columns["box"]
-    ]
-    return schemas.from_columns("segments", columns)
-
-
-def _samples_table(ids: list[str]) -> pa.Table:
-    n = len(ids)
-    columns: dict[str, Any] = {name: [None] * n for name in schemas.schema("samples").names}
-    columns |= {"sample_id": ids, "dataset": ["notebook"] * n, "split": ["train"] * n}
-    return schemas.from_columns("samples", columns | {"scene": ["."] * n})
+def _relative(given: Any, size: tuple[int, int]) -> np.ndarray:
+    """Relative depth that was given, float32 (height, width), of an image of this size."""
+    told = f"predict_depth: relative: expected float {size}, the image's height and width"
+    found = np.asarray(given)
+    if found.dtype.kind not in "fiu":
+        raise UsageError(f"{told}; found {type(given).__name__} of {found.dtype}")
+    if found.shape != size:
+        raise UsageError(f"{told}; found the shape {found.shape}")
+    if not np.isfinite(found).any():
+        raise UsageError(f"{told}; found no finite value in it")
+    return found.astype(np.float32)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
+from ..common import calls
 from ..common.errors import RsaDataError, UsageError, unknown
 from ..store import schemas
 from ..store.tables import Table, WorkDir
@@ -142,10 +143,19 @@ def open_work(location: str | os.PathLike[str]) -> OpenWork:
 
     Raises RsaDataError when it holds no dataset.
     """
-    work = WorkDir(os.fspath(location))
-    if not work.datasets():
-        raise RsaDataError(f"{work.store.location}: expected a work dir; found no dataset in it")
-    return OpenWork(work)
+    return OpenWork(open_dir(location))
+
+
+def open_dir(location: WorkDir | str | os.PathLike[str]) -> WorkDir:
+    """A work dir with at least one dataset in it; raises RsaDataError for any other place."""
+    if not isinstance(location, WorkDir):
+        calls.path("work", location)
+        location = WorkDir(os.fspath(location))
+    if not location.datasets():
+        raise RsaDataError(
+            f"{location.store.location}: expected a work dir; found no dataset in it"
+        )
+    return location
 
 
 def _array(value: bytes | None, dtype: Any, shape: tuple[int, int] | None = None) -> Any:

@@ -43,6 +43,14 @@ def parts_of(work: WorkDir, source: Source, split: str) -> list[int]:
     if not parts:
         there = sorted({r.split for r in receipts})
         raise UsageError(f"{source.dataset}: split {split!r}: expected one of {', '.join(there)}")
+    if (
+        "map"
+        in work.table(source.dataset, source.depth).read(parts[0], ["kind"])["kind"].to_pylist()
+    ):
+        raise UsageError(
+            f"{source.dataset}: split {split!r}: expected sampled pixels, such as those of train; "
+            "found whole maps. docs/pytorch.md shows how to measure a network on test images"
+        )
     for name in source.tables:
         missing = sorted(set(parts) - set(work.table(source.dataset, name).parts()))
         if missing:

@@ -29,7 +29,7 @@ def suggested(output: str) -> list[str]:
 
 @pytest.mark.parametrize("name", stages.names())
 def test_what_a_stage_suggests_is_a_whole_command(name):
-    words = shlex.split(stages.stage(name).next.format(dataset="nyuv2", choose=""))
+    words = shlex.split(stages.stage(name).next.format(dataset="nyuv2"))
     context = click.Context(cli, info_name="rsa-data")
     command, found, rest = cli.resolve_command(context, words)
     found.make_context(command, rest, parent=context)

@@ -14,8 +14,8 @@ from rsa_data import ScaleHead, depth_errors
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.evaluation import protocols
 from rsa_data.evaluation.inputs import TestPart
+from rsa_data.evaluation.known_metrics import metrics
 from rsa_data.evaluation.methods import scaled
-from rsa_data.evaluation.metrics import metrics
 from rsa_data.evaluation.protocols import Rules
 from rsa_data.evaluation.rows import measure
 from rsa_data.evaluation.summary import interval

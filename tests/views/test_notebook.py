@@ -124,6 +124,47 @@ def test_depth_of_an_image_from_a_caption_and_relative_depth():
     np.testing.assert_allclose(found, 1 / (scale[0] * y + shift[0]), rtol=1e-5)
     with pytest.raises(UsageError, match=r"expected uint8 \(height, width, 3\), RGB"):
         rsa_data.predict_depth(y, head=head)
+    for wrong in (y[0], y[None], y[::2], "relative.npy", y * np.nan):
+        with pytest.raises(UsageError, match=r"relative: expected float \(3, 4\), the image's"):
+            rsa_data.predict_depth(image, head=head, caption="a bed", relative=wrong)
+    with pytest.raises(UsageError, match=r"caption: expected one text, found list \['a bed'\]"):
+        rsa_data.predict_depth(image, head=head, caption=["a bed"], relative=y)
+    with pytest.raises(
+        UsageError, match=r"relative: expected .* found none, .* with relative="
+    ) as e:
+        rsa_data.predict_depth(image, head=head, caption="a bed")
+    assert "--relative" not in str(e.value)
+    with pytest.raises(UsageError, match="unknown argument 'weights'"):
+        rsa_data.predict_depth(image, head=head, caption="a", relative=y, weights="x")
+    with pytest.raises(UsageError, match=r"^encoder_weights: there is no file or folder"):
+        rsa_data.predict_depth(image, head=head, caption="a", relative=y, encoder_weights="x")
+    with pytest.raises(UsageError, match="expected a list of texts, found one text: 'a bed'"):
+        head.predict("a bed")
+    with pytest.raises(UsageError, match="expected texts; found int 1 at place 1"):
+        head.predict(["a bed", 1])
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: rsa_data.embed_texts([1], encoder="minilm"), "expected texts; found int 1"),
+        (lambda: rsa_data.embed_texts(["a"], encoder=3), "encoder: expected one text, found int"),
+        (lambda: rsa_data.write_captions([("bed", 0.3)]), "for each image a list of them; found"),
+        (lambda: rsa_data.write_captions("bed"), "image 0: expected a list of objects, found 'b'"),
+        (lambda: rsa_data.write_captions([[("bed", 30)]]), "expected an area of 0 to 1"),
+        (lambda: rsa_data.write_captions([[(3, 0.3)]]), "label: expected one text, found int 3"),
+        (lambda: rsa_data.write_captions([[("a", 0.3)]], digit=1), "Did you mean 'digits'"),
+        (lambda: rsa_data.write_captions([[("a", 0.3)]], variants=0), "variants: expected a whole"),
+        (lambda: rsa_data.open_work(3), "work: expected a path, found int 3"),
+        (lambda: rsa_data.ScaleHead.load({}), "expected a path, found dict"),
+        (lambda: rsa_data.to_metric("a", 1, 1), "relative: expected numbers; found str"),
+        (lambda: rsa_data.to_metric([[1.0]], [1, 2], 1), "one for each map"),
+        (lambda: rsa_data.depth_errors("a", "b"), "expected an array of numbers; found str"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused_in_words(call, said):
+    with pytest.raises(RsaDataError, match=said):
+        call()
 
 
 def test_depth_of_a_photo_by_real_models(shared, tmp_path):

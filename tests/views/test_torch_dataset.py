@@ -145,6 +145,49 @@ def test_what_is_not_whole_is_refused(work, tmp_path):
     assert table.exists()
 
 
+def test_choices_that_are_not_there_are_told_when_the_dataset_opens(work, data, tmp_path):
+    with pytest.raises(RsaDataError, match="expected a work dir; found no dataset in it"):
+        rsa_data.ShardDataset(tmp_path, "nyuv2")
+    with pytest.raises(RsaDataError, match=r"clip-rn50.*found occupancy/minilm") as error:
+        rsa_data.ShardDataset(work, "nyuv2", encoder="clip-rn50")
+    assert "--encoder clip-rn50" in str(error.value)  # of the command that makes the table
+    write(
+        WorkDir(tmp_path / "work"), "nyuv2", scenes=["s"] * 2, texts=[["a"]] * 2,
+        features={"a": np.zeros(4, np.float16)}, relative=np.ones((2, 64)), metric=np.ones((2, 64)),
+        split="test", size=(8, 8),
+    )  # fmt: skip
+    with pytest.raises(UsageError, match=r"expected sampled pixels.*found whole maps.*pytorch.md"):
+        rsa_data.ShardDataset(tmp_path / "work", "nyuv2", split="test")
+    for share in (0, 2, "x"):
+        with pytest.raises(UsageError, match=r"more than 0, at most 0\.5; found"):
+            data.held_out(share)
+    for given in ({"keep": [2] * 239}, {"window": 1.5}, {"batch_size": 0}):
+        with pytest.raises(UsageError, match="stream: "):
+            data.stream(**given)
+    with pytest.raises(UsageError, match="expected what state_dict gave"):
+        data.stream().load_state_dict(None)
+
+
+def test_the_state_of_copies_in_loader_workers_is_not_known_here(data):
+    stream = data.stream(batch_size=32)
+    assert stream.state_dict()["taken"] == 0
+    batches = iter(DataLoader(stream, batch_size=None, num_workers=2))
+    next(batches)
+    with pytest.raises(UsageError, match="copies of this stream: ask torchdata's"):
+        stream.state_dict()
+    del batches
+    stream.set_epoch(1)
+    assert stream.state_dict()["epoch"] == 1
+
+
+def test_more_loader_workers_than_parts_are_told(data, monkeypatch):
+    monkeypatch.setattr(torch.distributed, "is_initialized", lambda: True)
+    monkeypatch.setattr(torch.distributed, "get_world_size", lambda: 6)
+    monkeypatch.setattr(torch.distributed, "get_rank", lambda: 0)
+    with pytest.warns(UserWarning, match="6 loader workers for 5 parts"):
+        list(data.stream(batch_size=32))
+
+
 @pytest.mark.slow
 def test_the_trainer_of_the_page_reaches_the_error_of_train_head(work, tmp_path):
     blocks = dict(re.findall(r"<!-- example: (\w+) -->\n```python\n(.*?)```", PAGE, re.DOTALL))

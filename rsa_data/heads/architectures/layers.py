@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Protocol
 import torch
 from torch import nn
 
-from ...common import entries
+from ...common import own_code
 
 
 class Seen(Protocol):
@@ -40,7 +40,7 @@ class Head(nn.Module):
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
         # Code of the user's that runs already may name more of it: inputs as module:attribute.
-        entries.allow(cls.reads)
+        own_code.allow(cls.reads)
 
     @classmethod
     def sizes(cls, inputs: Sequence[Seen]) -> dict[str, int]:

@@ -88,11 +88,13 @@ class Feed:
         if own.table:
             return {"style": self.kind, "encoder": self.kind, "options": {}, "files": {},
                     "stage_version": description.stage_version}  # fmt: skip
+        digest = (description.identity or {}).get("code_sha256")
         return {
             "style": self.style,
             "encoder": self.encoder,
             "options": {k: v for k, v in description.options.items() if k not in _INDIFFERENT},
-            "files": description.files,
+            # The module of an encoder that is not this package's is one of its files.
+            "files": description.files | ({"code": digest} if digest else {}),
             "stage_version": description.stage_version,
         }
 

@@ -7,6 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...common import own_code
+from ...common.entries import Entries
+from ...registry import ENCODERS, IMAGE_ENCODERS
+
 
 class Thing(NamedTuple):
     """An object of an image.
@@ -51,10 +55,16 @@ class Live:
 
 
 def text_files(options: dict[str, Any], weights: Path | None) -> dict[str, Path]:
-    """The files of a text encoder; may download them."""
+    """The files of a text encoder, its module too where it is not this package's; may download
+    them."""
     from ...embeddings import embed
 
-    return embed.files(**{**options, "encoder_weights": weights})
+    return embed.files(**{**options, "encoder_weights": weights}) | _code(ENCODERS, options)
+
+
+def _code(encoders: Entries, options: dict[str, Any]) -> dict[str, Path]:
+    module = encoders.module(encoders.split(str(options["encoder"]))[0])
+    return {"code": own_code.source_file(module)} if module else {}
 
 
 def text_encoder(
@@ -76,7 +86,8 @@ def _texts(options: dict[str, Any], weights: Path | None) -> Maker:
 def _image_files(options: dict[str, Any], weights: Path | None) -> dict[str, Path]:
     from ...embeddings import embed_images
 
-    return embed_images.files(encoder=options["encoder"], encoder_weights=weights)
+    found = embed_images.files(encoder=options["encoder"], encoder_weights=weights)
+    return found | _code(IMAGE_ENCODERS, options)
 
 
 def _images(options: dict[str, Any], weights: Path | None) -> Maker:

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from ...common.errors import RsaDataError
-from ...runner.stages import again
+from ...runner.commands import again
 from ...store import schemas
 from ...store.tables import WorkDir
 from .kinds import Feed, find, ranges

@@ -17,7 +17,7 @@ from ...common.errors import RsaDataError
 from ...common.html import Html, tag
 from ...datasets import labels
 from ...evaluation import output
-from ...evaluation.metrics import metrics
+from ...evaluation.known_metrics import metrics
 from ...evaluation.options import Measuring
 from ...evaluation.paper import paper_rows
 from ...evaluation.setting import split_of
