@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from rsa_data.common.errors import RsaDataError
-from rsa_data.evaluation.metrics import depth_errors
+from rsa_data.evaluation.depth_errors import depth_errors
 from rsa_data.heads.metric import to_metric
 from rsa_data.heads.predict import known_depth
 from rsa_data.heads.predict.choices import Models

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .common.errors import RsaDataError as RsaDataError
-    from .evaluation.metrics import depth_errors as depth_errors
+    from .evaluation.depth_errors import depth_errors as depth_errors
     from .heads.checkpoint import ScaleHead as ScaleHead
     from .heads.metric import to_metric as to_metric
     from .views.notebook import embed_texts as embed_texts
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "ScaleHead": "rsa_data.heads.checkpoint",
     "to_metric": "rsa_data.heads.metric",
-    "depth_errors": "rsa_data.evaluation.metrics",
+    "depth_errors": "rsa_data.evaluation.depth_errors",
     "RsaDataError": "rsa_data.common.errors",
     "open_work": "rsa_data.views.open_work",
     "write_captions": "rsa_data.views.notebook",

@@ -97,7 +97,9 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     # Tables keep names with a hyphen; what they were typed as chooses them, and finds the code.
     code = "office:office,wide:Wide"
     chosen = "--style shares:SHARES --encoder letters:LETTERS --depth-model floor:build"
-    shell(f"rsa-data train-head --name plain {chosen} --validation 0.34 --epochs 1", folder)
+    train = f"rsa-data train-head --name plain {chosen} --validation 0.34 --epochs 1"
+    said = shell(train, folder, RSA_DATA_CODE=code)
+    assert "next: RSA_DATA_CODE=office:office,wide:Wide,letters:LETTERS" in said
     said = shell("rsa-data robustness --head plain", folder, code=None, RSA_DATA_CODE=code)
     assert "RSA_DATA_CODE=letters:LETTERS" in said
     code += ",letters:LETTERS,shares:SHARES"

@@ -53,7 +53,7 @@ def draw(work: WorkDir, datasets: list[str], path: Path) -> None:
     """Writes a contact sheet of test scenes as the head `demo` sees them."""
     from ..datasets.images import read_image
     from ..datasets.index import load_dataset
-    from ..evaluation.metrics import depth_errors
+    from ..evaluation.depth_errors import depth_errors
     from ..views.pictures import pictures
     from ..views.report.samples import choose
 

@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from ..common.errors import RowError
+from .depth_errors import clip, errors_of_valid
 from .inputs import Image, TestPart
 from .methods import Method, Prediction
-from .metrics import clip, errors_of_valid
 from .metrics_table import to_table
 from .protocols import Rules
 

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -10,12 +10,24 @@ from torch.utils.data import IterableDataset, get_worker_info
 
 from ..common import calls
 from ..common.errors import UsageError
+from ..heads.belong import Source
 from ..heads.train.examples import Examples, join
 from ..store.encoding import fingerprint
 from .torch_batches import Item, batch_of, share_of_work
 
-if TYPE_CHECKING:
-    from .torch_dataset import ShardDataset
+
+class Parted(Protocol):
+    """What a stream needs of the ShardDataset that it passes over."""
+
+    dataset: str
+    source: Source
+    parts: list[int]
+
+    def __len__(self) -> int: ...
+
+    def examples(self, number: int) -> tuple[Examples, np.ndarray]: ...
+
+    def ends(self) -> np.ndarray: ...
 
 
 class ShardStream(IterableDataset[Item]):
@@ -40,7 +52,7 @@ class ShardStream(IterableDataset[Item]):
 
     def __init__(
         self,
-        data: "ShardDataset",
+        data: Parted,
         batch_size: int | None,
         shuffle: bool,
         window: int,

@@ -8,8 +8,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import rsa_data.evaluation.metrics as metrics
 from rsa_data.common.errors import RsaDataError
+from rsa_data.evaluation import depth_errors as metrics
 
 
 def by_pixel(gt, pred, low, high):
