@@ -142,3 +142,19 @@ def test_archives_of_a_mac(tmp_path):
             made.writestr(name, b"\0\5\x16\7")
     found, said = indexed(tmp_path, "zip")
     assert list(found) == ["photos/0"] and said is None
+
+
+def test_parts_of_a_long_shard(tmp_path):
+    """Samples go through memory in batches, which do not show in the parts."""
+    picture = pa.array([{"bytes": b"", "path": f"{k}.jpg"} for k in range(9000)], PICTURE)
+    parquet(tmp_path, image=picture, split=["test" if k % 3 == 0 else "train" for k in range(9000)])
+    dataset, kept = open_dataset("parquet:x", {"split": "split"})
+    work = WorkDir(tmp_path / "work")
+    index(work, dataset, kept, root=tmp_path / "in", part_size=2500, test_part_size=2000)
+    table = work.table("x", "samples")
+    sizes = [(receipt.split, receipt.rows) for receipt in table.receipts(table.parts())]
+    assert sizes == [
+        ("train", 2500), ("train", 2500), ("train", 1000), ("test", 2000), ("test", 1000),
+    ]  # fmt: skip
+    ids = [i for n in range(3) for i in table.read(n)["sample_id"].to_pylist()]
+    assert ids == [f"x/train/{k}" for k in range(9000) if k % 3]
