@@ -22,7 +22,7 @@ import numpy as np
 from rsa_data.common.errors import RsaDataError
 from rsa_data.evaluation.depth_errors import depth_errors
 from rsa_data.heads.metric import to_metric
-from rsa_data.heads.predict import known_depth
+from rsa_data.heads.predict import correction, known_depth
 from rsa_data.heads.predict.choices import Models
 from rsa_data.heads.predict.images import describer, relative_map, relative_source
 from rsa_data.store.tables import WorkDir
@@ -79,7 +79,7 @@ def measure(
             except RsaDataError:
                 found[f"{count} refused"].append(1.0)
             if words is not None:
-                pair = known_depth.refine(*words, own_y, own_z, prior)
+                pair = correction.correct(*words, own_y, own_z, prior)[:2]
                 found[f"{count} with the head"].append(errors(truth, to_metric(y, *pair), top))
     return found
 

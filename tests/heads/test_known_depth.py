@@ -5,7 +5,7 @@ import pytest
 import scipy.optimize
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.heads.predict import known_depth
+from rsa_data.heads.predict import correction, known_depth
 
 
 def cost(pair, scale, shift, y, metres, prior, error):
@@ -23,7 +23,7 @@ def test_refine_minimises_its_cost(count, correlation):
     rng = np.random.default_rng(count)
     y, metres = rng.uniform(1, 9, count), rng.uniform(1, 9, count)
     prior = {"scale": 0.2, "shift": 0.4, "correlation": correlation}
-    found = known_depth.refine(0.03, 0.2, y, metres, prior, 0.1)
+    found = correction.refine(0.03, 0.2, y, metres, prior, 0.1)
     best = scipy.optimize.minimize(
         cost,
         (0.03, 0.2),
@@ -44,7 +44,7 @@ def test_more_points_help_more():
     errors = []
     for count in (0, 1, 2, 5, 50):
         y = rng.uniform(0, 10, count)
-        found = known_depth.refine(0.09, 0.08, y, 1 / (true_scale * y + true_shift))
+        found = correction.refine(0.09, 0.08, y, 1 / (true_scale * y + true_shift))
         grid = np.linspace(0, 10, 50)
         true = 1 / (true_scale * grid + true_shift)
         errors.append(np.mean(np.abs(1 / (found[0] * grid + found[1]) - true) / true))
@@ -154,7 +154,7 @@ def test_neither_scale_nor_shift_becomes_negative(zero):
     inverse = 0.9 - 0.1 * y if zero == "scale" else 0.2 * y - 0.15
     prior = {"scale": 5.0, "shift": 5.0, "correlation": 0.0}
     arguments = 0.03, 0.2, y, 1 / inverse, prior, 0.1
-    found = known_depth.refine(*arguments)
+    found = correction.refine(*arguments)
     assert found[0 if zero == "scale" else 1] == 0
     best = scipy.optimize.minimize(
         cost, (0.03, 0.2), arguments, bounds=[(0, None)] * 2, method="L-BFGS-B",
@@ -167,8 +167,41 @@ def test_a_fit_whose_shift_is_held_at_0():
     y, metres = np.array([1.0, 2.0, 4.0]), np.array([4.2, 1.9, 7.0])
     found = known_depth.Fit(9.0, 9.0, np.zeros(3), np.array([True, True, False]))
     found = known_depth.without_shift(found, y, metres, "why")
-    # Least squares of scale y z = 1 over the two points that are used.
-    product = (y * metres)[:2]
-    assert found.scale == pytest.approx(float(np.linalg.lstsq(product[:, None], np.ones(2))[0][0]))
+    # Of two points: the scale that misses both by the same factor.
+    assert found.scale == pytest.approx(1 / np.sqrt(4.2 * 3.8))
     assert (found.shift, found.assumption, found.used.tolist()) == (0, "why", [True, True, False])
     np.testing.assert_allclose(found.residuals, 1 / (found.scale * y) / metres - 1)
+
+
+@pytest.mark.parametrize("wrong", range(3))
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_one_wrong_point_of_three_with_the_shift_held_at_0(wrong, factor):
+    y, metres = np.array([1.0, 2.0, 4.0]), np.array([8.0, 4.0, 2.0])
+    metres[wrong] *= factor
+    found = known_depth.Fit(9.0, 9.0, np.zeros(3), np.ones(3, bool))
+    found = known_depth.without_shift(found, y, metres, "why")
+    assert found.scale == pytest.approx(1 / 8)
+    assert found.used.tolist() == [k != wrong for k in range(3)]
+
+
+@pytest.mark.parametrize("wrong", [None, 0, 1, 2, 3, 4])
+@pytest.mark.parametrize("count", [3, 5])
+def test_a_head_is_not_moved_by_one_wrong_point(count, wrong):
+    rng = np.random.default_rng(count)
+    y = np.linspace(1, 9, count)
+    metres = 1 / (0.05 * y + 0.1) * rng.uniform(0.98, 1.02, count)
+    right = np.arange(count) != (count if wrong is None else wrong % count)
+    told = np.where(right, metres, 9 * metres)
+    scale, shift, used = correction.correct(0.06, 0.11, y, told)
+    assert used.tolist() == right.tolist()
+    assert (scale, shift) == correction.refine(0.06, 0.11, y[right], metres[right])
+    # Distances that agree are believed, however far off the head is.
+    scale, shift, used = correction.correct(0.3, 0.6, y, metres)
+    assert used.all() and (scale, shift) == correction.refine(0.3, 0.6, y, metres)
+
+
+def test_two_points_that_contradict_the_relative_depth_and_a_head():
+    """The one that suits the head stays; the scale does not become 0, which would be a flat map."""
+    y, metres = np.array([2.0, 2.2]), np.array([1.4, 2.1])
+    scale, _, used = correction.correct(0.3, 0.1, y, metres)
+    assert used.tolist() == [True, False] and scale > 0.2

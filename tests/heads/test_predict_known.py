@@ -66,7 +66,7 @@ def test_a_known_point_pulls_the_prediction_to_it(work, y, tmp_path):
 
 
 def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
-    """With a head and without: the two pixels are equally near, the distances are not."""
+    """The two pixels are equally near, the distances are not: a head tells which one is wrong."""
     np.save(tmp_path / "y.npy", np.where(y > 2, np.float32(2), y))
     near = [f"{u},{v}" for v, u in np.argwhere(y > 2)[:2]]
     far = "{1},{0}".format(*np.argwhere(y < 2)[0])
@@ -75,10 +75,15 @@ def test_points_that_contradict_each_other_are_doubted(work, y, tmp_path):
     for head in ({"caption": ("a kitchen",)}, {}):
         options = {"relative": tmp_path / "y.npy", **head}
         (p,) = predict(work, **options, known=known)
-        (said,) = [w for w in p.warnings if "do not agree with the relative depth" in w]
         worst = max(p.known, key=lambda k: abs(k.error))
         u, v = worst.pixel
-        assert f"misses {worst.metres:g} m at {u:g},{v:g} by {abs(worst.error):.0%}" in said
+        name = f"{worst.metres:g} m at {u:g},{v:g}"
+        if head:
+            (said,) = [w for w in p.warnings if "and the head were left out" in w]
+            assert name in said and [k.used for k in p.known].count(False) == 1
+        else:
+            (said,) = [w for w in p.warnings if "do not agree with the relative depth" in w]
+            assert f"{name} by {abs(worst.error):.0%}" in said and "misses " in said
         if head:
             (p,) = predict(work, **options)
             u, v = map(int, near[0].split(","))

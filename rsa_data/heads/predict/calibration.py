@@ -47,7 +47,7 @@ def calibrate(head: ScaleHead, validation: Examples) -> dict[str, Any]:
         exceed: a caption beyond it is unlike what the head has learned from.
     prior : how far scale and shift are off from the images' own fits: standard deviations of the
         relative errors (by the median absolute deviation, so that single bad fits do not count)
-        and their correlation. See `refine.refine`.
+        and their correlation. See `correction.refine`.
     """
     features = validation.rows(np.arange(len(validation)))
     said: dict[str, Any] = {}

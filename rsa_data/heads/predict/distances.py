@@ -1,21 +1,22 @@
 """From relative depth to metres: what known distances did to a prediction, and what is said of it.
 
-The mathematics is in `known_depth`.
+The mathematics is in `known_depth` and `correction`.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from ...common.errors import RsaDataError
 from ...common.numbers import reals
 from ..metric import to_metric
-from . import known_depth
+from . import correction, known_depth
 from .choices import Hints
 from .known_depth import Fit
 from .prediction import Known, Prediction
 
 # A fit that misses a distance by more than this is doubted; a tape measure on a pixel of a
-# relative-depth map is seldom off by half of it (known_depth.POINT_ERROR).
+# relative-depth map is seldom off by half of it (correction.POINT_ERROR).
 DOUBTFUL = 0.25
 # Share of the pixels without a finite depth above which that is said.
 _HOLES = 0.01
@@ -27,8 +28,9 @@ def measure(
     """Corrects scale and shift by the known distances, or fits them, and adds the depth.
 
     p : with the head's scale and shift, if there is a head. y : float32 (h, w), relative depth of
-    the whole photo. prior : how far the head is off, see `known_depth.refine`.
-    Raises as `known_depth.points`, `ends` and `fit` do.
+    the whole photo. prior : how far the head is off, see `correction.refine`.
+    Raises as `known_depth.points`, `ends` and `fit` do, and where known distances contradict the
+    relative depth.
     """
     of = None if p.image is None else (y.shape[1], y.shape[0])
     at, metres = known_depth.points(y, hints.known, of)
@@ -45,9 +47,13 @@ def measure(
     else:
         p.words = (p.scale, p.shift)
     if head and len(at):
-        known_depth.check_points(at, metres)
-        used = known_depth.agreeing(at, metres)
-        p.scale, p.shift = known_depth.refine(p.scale, p.shift, at[used], metres[used], prior)
+        p.scale, p.shift, used = correction.correct(p.scale, p.shift, at, metres, prior)
+        if not p.scale > 0:
+            raise RsaDataError(
+                "--known: the distances say that nearer is where the relative depth is farther, "
+                "which would make the whole photo flat. Check the pixels, or name the right depth "
+                "model"
+            )
     depths = to_metric(at.astype(np.float32), p.scale, p.shift)
     p.known = [
         Known(float(z), float(depth), bool(ok), pixel)
@@ -94,15 +100,20 @@ def told(known: Sequence[Known], words: tuple[float, float] | None) -> list[str]
 
 
 def doubts(known: Sequence[Known], head: bool) -> list[str]:
-    """A warning where the depth misses the distances that were used."""
+    """Warnings: of distances left out, and where the depth misses those that were used."""
+    said = []
+    if out := [k for k in known if not k.used]:
+        others = "the others and the head" if head else "the others"
+        listed = ", ".join(f"{k.name} ({k.depth:.3g} m in the result)" for k in out)
+        said.append(f"known distances that contradict {others} were left out: {listed}")
     missed = [k for k in known if k.used and not abs(k.error) <= DOUBTFUL]
-    if not missed:
-        return []
-    worst = max(missed, key=lambda k: abs(k.error))
-    others = (
-        "the relative depth, with the head or with each other" if head else "the relative depth"
-    )
-    return [
-        f"the known distances do not agree with {others}: the result misses {worst.name} by "
-        f"{abs(worst.error):.0%}; check the pixels and the distances"
-    ]
+    if missed:
+        listed = ", ".join(f"{k.name} by {abs(k.error):.0%}" for k in missed)
+        others = (
+            "the relative depth, with the head or with each other" if head else "the relative depth"
+        )
+        said.append(
+            f"the known distances do not agree with {others}: the result misses {listed}; check "
+            "the pixels and the distances of all of them"
+        )
+    return said

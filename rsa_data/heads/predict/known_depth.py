@@ -1,4 +1,4 @@
-"""What is known besides the words: points, a range, the frames around; with a head or without."""
+"""What is known besides the words: points, a range, the frames around; metres without a head."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,49 +8,9 @@ import numpy as np
 from ...common.errors import RsaDataError, UsageError
 from ...common.numbers import reals
 
-# How far a head's scale and shift are off, relative to themselves, when the head does not say.
-PRIOR = {"scale": 0.3, "shift": 0.3, "correlation": 0.0}
-# Relative error of a known distance: a tape measure on a pixel of a relative-depth map, whose own
-# error is of this order (the linear fit's AbsRel on NYU is .058 with Depth Anything).
-POINT_ERROR = 0.06
 # Distances that somebody can mean, m: what lies outside is a slip, or a unit other than metres.
 NEAREST, FARTHEST = 0.001, 100_000.0
 _DISTANCES = "0.001 m (1 mm) to 100,000 m (100 km)"
-
-
-def refine(
-    scale: float,
-    shift: float,
-    y: np.ndarray,
-    metres: np.ndarray,
-    prior: dict[str, float] | None = None,
-    point_error: float = POINT_ERROR,
-) -> tuple[float, float]:
-    """Scale and shift that go between a head's prediction and points of known depth.
-
-    Least squares in inverse depth with the prediction as the prior: minimises
-    sum_k ((a y_k + b - 1 / z_k) z_k / point_error)^2 + e' C^-1 e over a, b >= 0, where
-    e = ((a - scale) / scale, (b - shift) / shift) and C is the prior's covariance. No point gives
-    the prediction itself; many points give their weighted least squares.
-
-    y, metres : float (k,), relative depth at the points, and their depth, m, above 0.
-    prior : standard deviations of the relative errors of scale and shift and their correlation.
-    """
-    prior = prior or PRIOR
-    check_points(y, metres)
-    both = prior["correlation"] * prior["scale"] * prior["shift"]
-    covariance = np.array([[prior["scale"] ** 2, both], [both, prior["shift"] ** 2]])
-    whiten = np.linalg.cholesky(np.linalg.inv(covariance)).T / np.array([scale, shift])
-    rows = np.stack([y, np.ones_like(y)], 1) * (metres / point_error)[:, None]
-    matrix = np.concatenate([rows, whiten])
-    target = np.concatenate([np.full(len(y), 1 / point_error), whiten @ [scale, shift]])
-    a, b = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    # Neither may be negative: that one is 0 and the other the best beside it.
-    if a < 0:
-        a, b = 0.0, (matrix[:, 1] @ target) / (matrix[:, 1] @ matrix[:, 1])
-    elif b < 0:
-        a, b = (matrix[:, 0] @ target) / (matrix[:, 0] @ matrix[:, 0]), 0.0
-    return float(a), float(b)
 
 
 @dataclass(frozen=True)
@@ -70,16 +30,15 @@ class Fit:
 
 
 # A point that misses the fit of the others by more than this is left out, if they agree.
-_WRONG = 0.25
+WRONG = 0.25
 
 
 def fit(y: np.ndarray, metres: np.ndarray) -> Fit:
     """Scale and shift from points of known depth, without a head.
 
     Minimises sum_k ((a y_k + b) z_k - 1)^2 over a > 0 and b: least squares in inverse depth,
-    relative to each. With four points or more, those that miss by more than 25% the line through
-    the two points that suits most are left out first (least median of squares, Rousseeuw 1984).
-    One point gives the scale alone, with the shift assumed to be 0.
+    relative to each. Points that contradict the others are left out first, see `agreeing`. One
+    point gives the scale alone, with the shift assumed to be 0.
 
     y, metres : float (k,), relative depth at the points and their depth, m, above 0.
     Raises RsaDataError where the points contradict the relative depth, which grows towards the
@@ -109,10 +68,16 @@ def fit(y: np.ndarray, metres: np.ndarray) -> Fit:
 
 
 def without_shift(found: Fit, y: np.ndarray, metres: np.ndarray, why: str) -> Fit:
-    """The same points with the shift held at 0; why : said as the assumption."""
-    product = (y * metres)[found.used]
-    scale = float(product.sum() / (product @ product))
-    return Fit(scale, 0.0, 1 / (scale * y) / metres - 1, found.used, why)
+    """The same points with the shift held at 0; why : said as the assumption.
+
+    The scale is the median of those that the points ask for (of their logarithms, so that two
+    points count alike), which one wrong point of three does not move. y : above 0.
+    """
+    scale = float(np.exp(np.median(-np.log((y * metres)[found.used]))))
+    residuals = 1 / (scale * y) / metres - 1
+    used = found.used & (np.abs(scale * y * metres - 1) <= WRONG)
+    most = 2 * used.sum() > found.used.sum()
+    return Fit(scale, 0.0, residuals, used if most else found.used, why)
 
 
 def _least_squares(y: np.ndarray, metres: np.ndarray) -> tuple[float, float]:
@@ -129,10 +94,12 @@ def _least_squares(y: np.ndarray, metres: np.ndarray) -> tuple[float, float]:
 def agreeing(y: np.ndarray, metres: np.ndarray) -> np.ndarray:
     """Which points agree with the pair whose line suits most points best; all, if none does.
 
-    bool (k,). Of fewer than four points nobody can tell which one is wrong.
+    bool (k,). Those that miss that line by more than 25% do not agree (least median of squares,
+    Rousseeuw 1984). Of fewer than four points nobody can tell which one is wrong.
     """
+    everyone = np.ones(len(y), bool)
     if len(y) < 4:
-        return np.ones(len(y), bool)
+        return everyone
     few = np.linspace(0, len(y) - 1, min(len(y), 100)).astype(int)
     i, j = (few[k] for k in np.triu_indices(len(few), 1))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -143,8 +110,8 @@ def agreeing(y: np.ndarray, metres: np.ndarray) -> np.ndarray:
     # The median of what is left when two points fit by construction: three of five must agree.
     middle = np.sort(error, 1)[:, (len(y) + 1) // 2]
     best = int(np.argmin(middle))
-    agree = error[best] <= max(_WRONG, 3 * middle[best])
-    return agree if np.isfinite(middle[best]) and agree.sum() >= 2 else np.ones(len(y), bool)
+    agree = error[best] <= max(WRONG, 3 * middle[best])
+    return agree if np.isfinite(middle[best]) and agree.sum() >= 2 else everyone
 
 
 def check_points(y: np.ndarray, metres: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from ...common.errors import RowError, RsaDataError, TransientError
 from ...datasets.images import MAX_PIXELS, read_image
 from ...heads.checkpoint import ScaleHead
 from ...heads.metric import to_metric
-from ...heads.predict import choices, known_depth
+from ...heads.predict import choices, correction, known_depth
 from ...heads.predict.asking import Asking
 from ...heads.predict.camera import Camera, camera_of
 from ...heads.predict.find import DEFAULT, find
@@ -183,7 +183,7 @@ def corrected(
     assert picture.y is not None
     at, metres = known_depth.points(picture.y, [",".join(str(v) for v in known)])
     prior = models.head.description.get("prior")
-    return known_depth.refine(found.scale, found.shift, at, metres, prior)
+    return correction.refine(found.scale, found.shift, at, metres, prior)
 
 
 def depth_of(picture: Picture, scale: float, shift: float) -> np.ndarray:
