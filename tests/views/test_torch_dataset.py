@@ -180,6 +180,16 @@ def test_the_state_of_copies_in_loader_workers_is_not_known_here(data):
     assert stream.state_dict()["epoch"] == 1
 
 
+@pytest.mark.filterwarnings("ignore:.set_vital. is deprecated")  # torchdata calls it
+def test_the_checkpoint_of_the_page_continues_within_an_epoch(work, data, tmp_path):
+    pytest.importorskip("torchdata")
+    code = re.search(r"<!-- example: checkpoint -->\n```python\n(.*?)```", PAGE, re.DOTALL)[1]
+    names = {"WORK": work.store.location, "CHECKPOINT": tmp_path / "training.pt"}
+    exec(code, names)
+    assert len(names["seen"]) == 239
+    assert sorted(names["seen"]) == [data[i]["sample_id"] for i in range(239)]
+
+
 def test_more_loader_workers_than_parts_are_told(data, monkeypatch):
     monkeypatch.setattr(torch.distributed, "is_initialized", lambda: True)
     monkeypatch.setattr(torch.distributed, "get_world_size", lambda: 6)
