@@ -343,10 +343,13 @@ def test_a_plot_of_intervals_has_each_row_once():
 
 def test_a_plot_of_calibration_has_a_line_and_a_name_for_each_dataset():
     points = [{"bar": 0.1, "error": 0.2}, {"bar": 0.2, "error": 0.3}]
-    words, marks = drawn(plots.calibration({"x": points, "z": points[:1]}, "t"))
+    text = plots.calibration({"x": points, "z": points[:1]}, "t")
+    words, marks = drawn(text)
     assert marks == 3 + 2  # points, and one beside each name
     names = {word: (x, y) for word, x, y in words if word in ("x", "z")}
     assert names["x"][0] == names["z"][0] and names["x"][1] < names["z"][1]
+    dots = [float(n.get("cx")) for n in ElementTree.fromstring(text).iter(f"{SVG}circle")]
+    assert len(dots) == 3 and max(dots) < names["x"][0]  # of x, its name behind the last
 
 
 def test_a_head_that_is_no_better_than_a_constant_is_named():

@@ -120,6 +120,8 @@ def test_points_where_y_is_not_defined_are_refused():
     y[2:4, 5:8] = 1
     with pytest.raises(UsageError, match=r"is 5,3; all lie in columns 5 to 7 and rows 2 to 3$"):
         known_depth.points(y, ["0,8,2"])
+    with pytest.raises(UsageError, match=r"the nearest with a depth is 7,3;"):
+        known_depth.points(y, ["8,8,2"])
 
 
 def test_points_are_pixels_of_the_photo_that_the_map_is_of():
