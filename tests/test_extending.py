@@ -108,7 +108,7 @@ def test_modules_of_ones_own_from_photos_to_metrics(folder):
     predict = f"rsa-data predict photos/room_1/0.jpg {own} --head"
     assert "wall, 50.0%" in shell(f"{predict} plain", folder, RSA_DATA_CODE=code)
     said = shell(f"{predict} wide", folder, code=None, RSA_DATA_CODE=f"{code},focal:FOCAL")
-    assert "made for whole datasets only" in said
+    assert "cannot be used on single photos" in said
 
     # The source is part of the fingerprint: a changed module is another one.
     (folder / "letters.py").write_text(MODULES["letters"] + "\n# changed\n")
