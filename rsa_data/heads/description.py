@@ -17,6 +17,10 @@ FORMAT = 1
 # A size of a row of features or in an architecture: more would be a slip or an attack.
 Size = Annotated[int, msgspec.Meta(ge=0, le=2**20)]
 
+# `calibrate` gives 0.01 or more; a head that has collapsed can be off by a large factor. Beyond
+# these the covariance cannot be inverted.
+Deviation = Annotated[float, msgspec.Meta(ge=1e-3, le=1e15)]
+
 
 class Input(msgspec.Struct, kw_only=True, frozen=True):
     """What the features of one input are.
@@ -93,9 +97,9 @@ class Validation(msgspec.Struct, kw_only=True, frozen=True):
 class Prior(msgspec.Struct, kw_only=True, frozen=True):
     """Standard deviations of the relative errors of scale and shift, and their correlation."""
 
-    scale: float
-    shift: float
-    correlation: float
+    scale: Deviation
+    shift: Deviation
+    correlation: Annotated[float, msgspec.Meta(gt=-1, lt=1)]
 
 
 class Imported(msgspec.Struct, kw_only=True, frozen=True):

@@ -135,7 +135,10 @@ def _from_bytes(data: bytes, where: str) -> "ScaleHead":
     # The sha256 in it is that of head.safetensors, which has no metadata.
     if about.weights and hashlib.sha256(save(tensors)).hexdigest() != about.weights:
         raise RsaDataError(f"{where}: damaged: its weights are not those of its description")
-    return ScaleHead.from_tensors(tensors, about)
+    try:
+        return ScaleHead.from_tensors(tensors, about)
+    except RsaDataError as error:
+        raise RsaDataError(f"{where}: {error}") from error
 
 
 def checked(about: dict[str, Any], where: str) -> dict[str, Any]:

@@ -167,3 +167,22 @@ def test_a_head_at_an_address_and_what_is_wrong_with_another(work, tmp_path):
 class Quiet(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
         pass
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [
+        {"scale": -1e308, "shift": 1.0, "correlation": 0.0},
+        {"scale": 1.0, "shift": 1e-320, "correlation": 0.0},
+        {"scale": 1.0, "shift": 1.0, "correlation": 7.0},
+    ],
+)
+def test_a_prior_that_no_head_can_have_is_refused(work, tmp_path, prior):
+    path = tmp_path / "one.safetensors"
+    travel.export_head(work, "one", path)
+    metadata = _metadata(path)
+    about = {**json.loads(metadata["head.json"]), "prior": prior}
+    del about["digest"]
+    save_file(load_file(path), path, {**metadata, "head.json": json.dumps(about)})
+    with pytest.raises(RsaDataError, match=r"one\.safetensors.*prior"):
+        find(work, str(path))
