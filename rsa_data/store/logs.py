@@ -65,8 +65,12 @@ def last_run(work: WorkDir, dataset: str, table: str) -> list[dict[str, Any]]:
     names = [name for name in names if name[len(start) : len(start) + 1].isdigit()]
     if not names:
         return []
+    try:
+        data = work.store.read(f"logs/{max(names)}") or b""
+    except RsaDataError:
+        return []  # a log is for information: nothing stops because there is none
     events = []
-    for line in (work.store.read(f"logs/{max(names)}") or b"").splitlines():
+    for line in data.splitlines():
         with contextlib.suppress(ValueError):  # the last line of a run that was killed
             events.append(json.loads(line))
     return [event for event in events if isinstance(event, dict)]

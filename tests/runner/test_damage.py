@@ -13,6 +13,7 @@ from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError
 from rsa_data.runner import runs, status, verify
 from rsa_data.store.tables import Made, WorkDir
+from rsa_data.views.report.lineage import lineage
 
 CAPTIONS = "rooms/captions/occupancy"
 
@@ -235,6 +236,18 @@ def test_status_names_what_is_broken_and_shows_the_rest(work, name):
     assert lines["samples"].split()[1:3] == ["3/3", "150"]
     assert lines["captions/occupancy"].endswith("cannot be read, see below")
     assert name in lines["broken:"] and "expected JSON" in lines["broken:"]
+
+
+@pytest.mark.parametrize("log", [None, b'{"a": 1}\n{"event": "part", "seconds": "x"}\n\xff'])
+def test_a_broken_log_stops_nothing(work, log):
+    (path,) = (place(work) / "logs").glob("rooms.captions.occupancy.*")
+    path.unlink()
+    if log is None:
+        os.mkfifo(path)
+    else:
+        path.write_bytes(log)
+    assert status.status(work).broken == []
+    assert "captions/occupancy" in str(lineage(work))
 
 
 @pytest.mark.parametrize("command", ["status", "verify"])

@@ -104,8 +104,9 @@ def head_description(work: WorkDir, name: str) -> dict[str, Any]:
 def _times(work: WorkDir, dataset: str, name: str) -> tuple[float | None, float | None]:
     """Rows a second of the last run over a table, and the seconds that its workers took."""
     events = logs.last_run(work, dataset, name)
-    parts = [event for event in events if event["event"] == "part"]
-    return logs.rate(events), sum(event["seconds"] for event in parts) if parts else None
+    parts = [event.get("seconds") for event in events if event.get("event") == "part"]
+    seconds = [value for value in parts if isinstance(value, (int, float))]
+    return logs.rate(events), sum(seconds) if seconds else None
 
 
 def _options(title: str, about: dict[str, Any]) -> Html:
