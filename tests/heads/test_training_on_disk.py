@@ -69,6 +69,14 @@ def test_what_is_not_the_case_stands_in_no_head(work):
     }  # fmt: skip
 
 
+def test_a_finished_head_is_not_trained_again(work):
+    def bar(title, total):
+        raise AssertionError(title)
+
+    about = train_head(work, **FAST).about
+    assert train_head(work, bar, **FAST).about == about
+
+
 def test_a_head_is_out_of_date_once_a_table_of_its_training_changed(work):
     train_head(work, **FAST)
     assert HEADS.names(work) == ["head"] and HEADS.state(work, "head") == ""

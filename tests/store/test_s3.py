@@ -28,7 +28,7 @@ def test_a_store_in_a_bucket(place):
     store.write("a/b.json", b"one")
     store.write("a/c/d.json", b"two")
     assert store.create("a/e.json", b"three")
-    assert not store.create("a/e.json", b"four")
+    assert store.create("a/e.json", b"three") and not store.create("a/e.json", b"four")
     assert store.read("a/e.json") == b"three"
     assert store.list("") == ["a/"] and store.list("a") == ["b.json", "c/", "e.json"]
     assert store.open("a/b.json").read() == b"one" and store.size("a/b.json") == 3
