@@ -1,6 +1,7 @@
 """Heads that read objects: a set in any order and of any size, none included."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -9,7 +10,7 @@ import torch
 
 from rsa_data.heads.checkpoint import build_network
 from rsa_data.heads.inputs.objects import NUMBERS, Objects, numbers, of_table
-from rsa_data.registry import HEADS
+from rsa_data.registry import HEADS, resolve
 from rsa_data.store import schemas
 
 DIM = 5 + len(NUMBERS)
@@ -61,6 +62,15 @@ def test_what_a_head_does_not_read_does_not_move_it(images):
         for other in (moved, resized):
             same = torch.equal(outputs(name, other.reshape(3, -1)), plain)
             assert same == any(other is b for b in blind)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_set_is_the_last_of_the_inputs(name):
+    cls = resolve("head", HEADS, name)
+    before = [SimpleNamespace(width=7, objects=1) for _ in cls.reads[:-1]]
+    sizes = cls.sizes([*before, SimpleNamespace(width=DIM, objects=1)])
+    network = build_network({"name": name, **sizes}, 7 * len(before) + DIM)
+    assert sizes == {"object_dim": DIM} and network.before == 7 * len(before)
 
 
 def test_a_part_in_which_nothing_is_named_joins_others(images):
