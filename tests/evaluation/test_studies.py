@@ -15,7 +15,7 @@ from rsa_data.common.errors import UsageError
 from rsa_data.evaluation import breakdown, formats, paper, plots, spread
 from rsa_data.evaluation.contenders import plans
 from rsa_data.evaluation.inputs import TestPart
-from rsa_data.evaluation.metrics import metrics as known
+from rsa_data.evaluation.known_metrics import metrics as known
 from rsa_data.evaluation.metrics_table import to_table
 from rsa_data.evaluation.scenes import one_description
 from rsa_data.evaluation.setting import rules_of
