@@ -7,7 +7,7 @@ import click
 
 from ..common.options import parameters
 from ..common.ranges import Positive
-from ..runner import chains, pipeline_files, stages
+from ..runner import chains, pipeline_files, retry, stages
 from ..runner.chains import RunOptions
 from ..runner.stage import GIVEN, Stage
 from ..runner.stages import ConfiguredStage
@@ -180,4 +180,4 @@ def retry_failed(work: WorkDir, how: RunOptions, wanted: tuple[str, ...]) -> Non
     \b
       rsa-data retry-failed
     """
-    chains.retry_failed(work, chains.known_datasets(work, wanted), how)
+    retry.retry_failed(work, chains.known_datasets(work, wanted), how)

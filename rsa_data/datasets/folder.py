@@ -241,10 +241,8 @@ def _camera(root: Path, text: str) -> Camera:
 
 
 def _natural(key: str) -> str:
-    """A sort key by which frame_9 comes before frame_10: numbers by value and after all texts.
-
-    One text, since an index has all of them in memory at once.
-    """
+    """A sort key by which frame_9 comes before frame_10: numbers by value and after all texts."""
+    # One text: an index holds them all.
     return "".join(
         f"\U0010ffff{len(number := str(int(d))):04d}{number}" if d else f"{t}\0"
         for t, d in re.findall(r"(\D+)|(\d+)", key)

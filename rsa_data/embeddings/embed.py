@@ -1,7 +1,7 @@
 """The stage embed: every distinct text of a captions part through a frozen encoder, once."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -11,20 +11,17 @@ import pyarrow.compute as pc
 
 from .. import registry
 from ..common import progress
-from ..common.digests import file_sha256
-from ..common.errors import RsaDataError, UsageError
+from ..common.errors import RsaDataError
 from ..common.options import accepts_old_names
 from ..common.ranges import AtOnce
 from ..runner.stage import Notes, Reads, Stage
 from ..store import schemas
-from . import audit, runtime
-from .encoder import Encoder, Ids, TextModel
+from . import audit, frozen, runtime
 from .features import check_finite, stored
-from .running import Precision, Run
+from .running import Precision
 from .runtime import Device, Runtime
 
 Step = Callable[[pa.Table], pa.Table]
-Chosen = Literal["float32", "float16", "bfloat16", "int8", "auto"]
 
 
 @accepts_old_names("embed")
@@ -32,7 +29,7 @@ def build(
     *,
     encoder: str = "clip-rn50",
     encoder_weights: Path | None = None,
-    precision: Chosen = "float32",
+    precision: frozen.Chosen = "float32",
     store: Literal["float16", "float32"] = "float16",
     normalize: bool = False,
     runtime: Runtime = "auto",
@@ -61,7 +58,9 @@ def build(
     audit_head : a trained head: the comparison with float32 then also shows what becomes of scale
         and shift.
     """
-    run, model, exact = _runners(encoder, encoder_weights, precision, runtime, device, threads)
+    run, model, exact = frozen.runners(
+        encoder, encoder_weights, precision, runtime, device, threads
+    )
 
     def step(captions: pa.Table) -> pa.Table:
         text_id, texts = distinct_texts(captions)
@@ -78,7 +77,7 @@ def build(
         figures = {}
         if precision != "float32" and texts:
             rows = audit.sample(len(texts), part_number(captions))
-            reference = _all(exact, model, [ids[row] for row in rows])
+            reference = frozen.features_of(exact, model, [ids[row] for row in rows])
             figures = audit.compare(features[rows], reference, precision, audit_head)
         if normalize:
             features /= np.linalg.norm(features, axis=1, keepdims=True)
@@ -94,13 +93,6 @@ def build(
         return table.replace_schema_metadata({"audit": json.dumps(figures)} if figures else None)
 
     return step
-
-
-def files(*, encoder: str, encoder_weights: Path | None = None, **_: object) -> dict[str, Path]:
-    """The files whose bytes decide the features, by name; may download them."""
-    if encoder_weights is not None and not encoder_weights.exists():
-        raise UsageError(f"--encoder-weights: there is no file or folder at {encoder_weights}")
-    return _encoder(encoder).files(registry.ENCODERS.split(encoder)[1] or None, encoder_weights)
 
 
 def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[str]:
@@ -136,29 +128,6 @@ def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[
     return sentences
 
 
-def encode(texts: Sequence[str], **options: Any) -> np.ndarray:
-    """Features of a few texts, float32 (n, dim), in torch; options as those of `loaded`."""
-    return loaded(**options)(texts)
-
-
-def loaded(
-    *,
-    encoder: str,
-    encoder_weights: Path | None = None,
-    normalize: bool = False,
-    **others: object,
-) -> Callable[[Sequence[str]], np.ndarray]:
-    """A text encoder with its weights in memory; other options of a table do not matter to it."""
-    run, model, _ = _runners(encoder, encoder_weights, "float32", "torch", "cpu", 2)
-
-    def encode(texts: Sequence[str]) -> np.ndarray:
-        features = _all(run, model, model.tokenize(list(texts))[0])
-        check_finite(features, texts)
-        return features / np.linalg.norm(features, axis=1, keepdims=True) if normalize else features
-
-    return encode
-
-
 def part_number(captions: pa.Table) -> int:
     """The part of a table, by its metadata; 0 for captions of any other source."""
     return int((captions.schema.metadata or {}).get(b"part", b"0"))
@@ -187,54 +156,6 @@ def distinct_texts(captions: pa.Table) -> tuple[pa.Array, list[str]]:
         raise RsaDataError(f"captions: text: expected UTF-8, found {start!r}") from error
 
 
-def _encoder(encoder: str) -> Encoder[TextModel]:
-    name = registry.ENCODERS.split(encoder)[0]
-    # Tables and heads keep what `hf:DIR` was as `hf-NAME`; where it lies comes with `weights`.
-    found: Encoder[TextModel] = registry.resolve(
-        "encoder", registry.ENCODERS, "hf" if name.startswith("hf-") else name
-    )
-    return found
-
-
-def _runners(
-    encoder: str,
-    encoder_weights: Path | None,
-    precision: Chosen,
-    wanted: Runtime,
-    device: Device,
-    threads: int,
-) -> tuple[Run, TextModel, Run]:
-    """As runtime.runners, from the names of the options."""
-    if precision == "auto":
-        precision = runtime.native_precision(wanted, device)
-    where = runtime.choose(precision, wanted, device)
-    paths = files(encoder=encoder, encoder_weights=encoder_weights)
-    model = _encoder(encoder).loaded(paths, TextModel)
-    return runtime.runners(model, _sources(encoder, paths), precision, where, threads)
-
-
-def _sources(encoder: str, paths: dict[str, Path]) -> dict[str, str]:
-    """What an encoder is made of: its name, code that is not this package's, and its files.
-
-    Two encoders may share their files, or have none.
-    """
-    name, argument = registry.ENCODERS.split(encoder)
-    about = {"encoder": "hf" if name.startswith("hf-") else name} | _code(name)
-    digests = {f"file {key}": file_sha256(str(path)) for key, path in paths.items()}
-    return about | digests | ({} if paths else {"argument": argument})
-
-
-def _code(name: str) -> dict[str, str]:
-    return {} if name.startswith("hf-") else registry.ENCODERS.source(name) or {}
-
-
-def _all(run: Run, model: TextModel, ids: Ids) -> np.ndarray:
-    features = np.empty((len(ids), model.dim), np.float32)
-    for rows, found in run(model.batches(ids, model.budget)):
-        features[rows] = found
-    return features
-
-
 STAGE = Stage(
     name="embed",
     version=2,
@@ -258,7 +179,7 @@ STAGE = Stage(
     noun="texts",
     models=True,
     local=("encoder_weights", "audit_head"),
-    files=files,
+    files=frozen.files,
     notes=Notes(("truncated", "n_tokens"), notes),
     settle=settle,
 )

@@ -12,7 +12,7 @@ from .. import registry
 from ..common.class_names import clean
 from ..runner.stage import Reads, Stage
 from ..store import schemas
-from . import embed
+from . import frozen
 
 Step = Callable[[pa.Table, pa.Table], pa.Table]
 
@@ -26,7 +26,7 @@ def build(*, encoder: str = "clip-rn50", encoder_weights: Path | None = None) ->
     encoder_weights : file with the encoder's weights, or folder of a sentence encoder. Without it
         the registry's file is taken: from its package, the cache, or a download with its checksum.
     """
-    features = embed.loaded(encoder=encoder, encoder_weights=encoder_weights)
+    features = frozen.loaded(encoder=encoder, encoder_weights=encoder_weights)
 
     @cache
     def feature(name: str) -> bytes:
@@ -94,5 +94,5 @@ STAGE = Stage(
     choices=registry.ENCODERS,
     reads=Reads("segments", "segments"),
     local=("encoder_weights",),
-    files=embed.files,
+    files=frozen.files,
 )

@@ -16,7 +16,6 @@ from .engines.pool import EngineOptions
 from .jobs import Job
 from .runs import Bar, Summary
 from .stages import ConfiguredStage
-from .status import outdated
 
 
 @dataclass(frozen=True)
@@ -107,10 +106,11 @@ def stage(
     job = jobs.job(
         work, configured, dataset, root=root, upstream=upstream, start_over=how.start_over
     )
-    return _run(job, how)
+    return run_job(job, how)
 
 
-def _run(job: Job, how: RunOptions) -> Summary:
+def run_job(job: Job, how: RunOptions) -> Summary:
+    """Runs a job, or estimates it, and reports it; RsaDataError where parts are left undone."""
     if how.plan is not None:
         estimate = planning.plan(job, split=how.split, part_range=how.part_range)
         how.plan(job.stage, job.dataset, estimate)
@@ -194,7 +194,7 @@ def chain(
     if first is None and table in there:
         numbers = set(selection.select(work, dataset, how.split, how.part_range))
         if not numbers <= set(work.table(dataset, table).parts()):
-            _run(jobs.job_of(work, dataset, table), before)
+            run_job(jobs.job_of(work, dataset, table), before)
     else:
         asked = first is not None
         first = first or stages.bind(stages.maker(reads.kind).name, {})
@@ -202,7 +202,7 @@ def chain(
         if not asked and len(there) > 1 and making.output not in there:
             # Raises: which of them is meant is the user's to say, not the default's.
             jobs.choose(work, dataset, reads.kind, None, f"--{reads.option}")
-        _run(making, before)
+        run_job(making, before)
         table = making.output
     return stage(work, configured, dataset, how, root=root, upstream=table)
 
@@ -219,35 +219,3 @@ def known_datasets(work: WorkDir, wanted: tuple[str, ...]) -> list[str]:
             "`rsa-data captions --dataset NAME`, or name another --work"
         )
     return list(wanted) or there
-
-
-def retry_failed(work: WorkDir, datasets: list[str], how: RunOptions) -> None:
-    """Does the parts with failed rows again, in the order data flows, and what came from them.
-
-    A table whose last run was killed between its last part and its manifest is finished too. Parts
-    that were never done are left to their own command. A table that cannot be done again
-    holds up no other: all are tried. Raises RsaDataError in the end when a table was made by
-    options that cannot be found again, a part stays undone, or every row of a table still fails.
-    """
-    if how.start_over:
-        raise UsageError("retry-failed keeps what is good: leave out --start-over")
-    order, failures = stages.names(), list[RsaDataError]()
-    for dataset in datasets:
-        made = {
-            name: work.table(dataset, name).description().stage for name in work.tables(dataset)
-        }
-        names = [name for name in made if made[name] in order]
-        for name in sorted(names, key=lambda name: (order.index(made[name]), name)):
-            table = work.table(dataset, name)
-            killed = not table.complete() and not table.missing()
-            failed = any(receipt.failed for receipt in table.receipts(table.parts()))
-            if killed or failed or outdated(work, table):
-                try:
-                    _run(jobs.job_of(work, dataset, name), replace(how, redo_failed=True))
-                except RsaDataError as error:
-                    failures.append(error)
-    if len(failures) == 1:
-        raise failures[0]
-    if failures:
-        said = "\n".join(str(error) for error in failures)
-        raise RsaDataError(f"{len(failures)} tables could not be done again:\n{said}")

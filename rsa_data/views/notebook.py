@@ -76,12 +76,12 @@ def embed_texts(
     encoder_weights : file or folder of its weights, instead of the download.
     """
     from ..common import own_code
-    from ..embeddings import embed
+    from ..embeddings import frozen
 
     own_code.allow([calls.text("embed_texts: encoder", encoder)])
     found = calls.texts("embed_texts", texts)
     weights = calls.path("embed_texts: encoder_weights", encoder_weights)
-    return embed.encode(found, encoder=encoder, encoder_weights=weights)
+    return frozen.encode(found, encoder=encoder, encoder_weights=weights)
 
 
 @in_python

@@ -8,7 +8,8 @@ import torch
 from tiny_encoders import SIGHT, captions, randomize
 
 from rsa_data.common.errors import RsaDataError, UsageError
-from rsa_data.embeddings.embed import build, encode
+from rsa_data.embeddings.embed import build
+from rsa_data.embeddings.frozen import encode
 from rsa_data.store import schemas
 
 TEXTS = ["", "a", "a bed and a lamp", "lamp lamp bed", "bed " * 40]

@@ -11,7 +11,8 @@ from tiny_encoders import captions
 from rsa_data import registry
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.embeddings import audit, runtime
-from rsa_data.embeddings.embed import build, encode, notes, settle
+from rsa_data.embeddings.embed import build, notes, settle
+from rsa_data.embeddings.frozen import encode
 from rsa_data.store import schemas
 
 TEXTS = [

@@ -57,9 +57,9 @@ class Live:
 def text_files(options: dict[str, Any], weights: Path | None) -> dict[str, Path]:
     """The files of a text encoder, its module too where it is not this package's; may download
     them."""
-    from ...embeddings import embed
+    from ...embeddings import frozen
 
-    return embed.files(**{**options, "encoder_weights": weights}) | _code(ENCODERS, options)
+    return frozen.files(**{**options, "encoder_weights": weights}) | _code(ENCODERS, options)
 
 
 def _code(encoders: Entries, options: dict[str, Any]) -> dict[str, Path]:
@@ -71,9 +71,9 @@ def text_encoder(
     options: dict[str, Any], weights: Path | None
 ) -> Callable[[Sequence[str]], np.ndarray]:
     """Texts -> features, float32 (n, dim), with the encoder in memory."""
-    from ...embeddings import embed
+    from ...embeddings import frozen
 
-    return embed.loaded(**{**options, "encoder_weights": weights})
+    return frozen.loaded(**{**options, "encoder_weights": weights})
 
 
 def _texts(options: dict[str, Any], weights: Path | None) -> Maker:

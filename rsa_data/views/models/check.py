@@ -160,10 +160,10 @@ def _depth(name: str, path: Path, pair: Sequence[Scene]) -> Iterator[Finding]:
 def _encoder(name: str, path: Path, pair: Sequence[Scene]) -> Iterator[Finding]:
     from ... import registry
     from ...datasets.images import read_image
-    from ...embeddings import embed, embed_images
+    from ...embeddings import embed_images, frozen
 
     texts = ["a room with furniture", "a street with cars"]
-    features = embed.encode(texts, encoder=name, encoder_weights=path)
+    features = frozen.encode(texts, encoder=name, encoder_weights=path)
     finite = bool(np.isfinite(features).all() and features.any(1).all())
     yield Finding("features of texts are finite", finite, f"{features.shape[1]} numbers")
     if name not in registry.IMAGE_ENCODERS:
