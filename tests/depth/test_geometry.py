@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rsa_data.common.errors import UsageError
+from rsa_data.common.errors import RowError, UsageError
 from rsa_data.depth import onnx
 from rsa_data.depth.measure import at_size
 from rsa_data.depth.model import Relative
