@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import registry
 from ..common import own_code
+from ..common.entries import Entries
 from ..common.errors import RsaDataError
 from ..heads.description import Description, read
 from ..runner import stages
@@ -97,7 +98,9 @@ def code_of_head(work: WorkDir, head: str) -> list[str]:
             for name in used.tables:
                 if (made := work.table(dataset, name)).exists():
                     found += [(made.description().identity or {}).get("code", "")]
-    return [word for word in dict.fromkeys(found) if ":" in word]
+    tables = (entries for entries in vars(registry).values() if isinstance(entries, Entries))
+    installed = {entry.target for table in tables for entry in table.installed().values()}
+    return [word for word in dict.fromkeys(found) if ":" in word and word not in installed]
 
 
 def code_of_dataset(work: WorkDir, dataset: str) -> list[str]:
@@ -126,7 +129,8 @@ def _training(work: WorkDir, command: str, dataset: str, output: str) -> str:
         style = f" --style {shlex.quote(captions[0][9:])}" if len(captions) > 1 else ""
         first = f"embed --dataset {shlex.quote(dataset)}{style}"
         return first if captions else f"captions --dataset {shlex.quote(dataset)}"
-    own = output if output in embeddings else embeddings[0]
+    texts = [name for name in embeddings if kinds.feed(name).kind == "text"]
+    own = output if output in embeddings else (texts or embeddings)[0]
     _, style, encoder = own.split("/")
     reads = (kinds.feed(own).kind,) if "--head" in command else ()
     depths = [name for name in (output, *names) if name.startswith("depth/")]

@@ -17,7 +17,8 @@ from .errors import RsaDataError, UsageError
 # Names in the form module:attribute that may be imported, separated by commas.
 CODE = "RSA_DATA_CODE"
 REFERENCE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-_added: set[str] = set()
+# The same of what was typed or stands in a pipeline file: for processes that are started later.
+_TYPED = "RSA_DATA_TYPED_CODE"
 
 
 def allow(words: Iterable[str]) -> None:
@@ -26,24 +27,27 @@ def allow(words: Iterable[str]) -> None:
     Words are arguments as they were typed (`NAME`, `--style=NAME`, `NAME:ARGUMENT`). Processes that
     are started later inherit it.
     """
-    found = list(allowed())
+    found = list(_names(_TYPED))
     for word in words:
         match = re.match(rf"(?:--[\w-]+=)?({REFERENCE.pattern})(?::|$)", word)
         if match and match[1] not in found:
             found.append(match[1])
-            _added.add(match[1])
     if found:
-        os.environ[CODE] = ",".join(found)
+        os.environ[_TYPED] = ",".join(found)
 
 
 def allowed() -> tuple[str, ...]:
     """The names in the form `module:attribute` that may be imported."""
-    return tuple(name for name in os.environ.get(CODE, "").split(",") if name)
+    return tuple(dict.fromkeys([*_names(CODE), *_names(_TYPED)]))
 
 
 def named() -> tuple[str, ...]:
-    """Those of `allowed` that were in the environment before this process added any."""
-    return tuple(name for name in allowed() if name not in _added)
+    """Those that RSA_DATA_CODE names."""
+    return _names(CODE)
+
+
+def _names(variable: str) -> tuple[str, ...]:
+    return tuple(name for name in os.environ.get(variable, "").split(",") if name)
 
 
 def unusable() -> list[str]:
