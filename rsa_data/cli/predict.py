@@ -35,8 +35,8 @@ def predict(
     """Predict metric depth of photos or captions.
 
     PHOTO is an image, a folder of images or a video. For each photo: scale and shift, the caption,
-    nearest, median and farthest depth, and the objects with their share of the image and their
-    distance. Without a head, known distances give the metres.
+    nearest, median and farthest depth (0.5th, 50th and 99.5th percentile), and the objects with
+    their share of the image and their distance. Without a head, known distances give the metres.
 
     \b
       rsa-data predict room.jpg --head rsa-depth-anything --out room.png --colours --ply

@@ -51,6 +51,11 @@ def of_image(found: Relative, root: Path | None, image: str) -> Relative:
     return replace(found, image=size)
 
 
+def read_file(path: Path) -> Relative:
+    """The relative depth of one file, .npy or .png, whatever lies beside it; see `read`."""
+    return Relative(_map(path, 65535))
+
+
 def read(folder: Path, stem: str, holds: str = "relative") -> Relative:
     """The relative depth `folder/stem.npy`, or `.png`, see `read_map`.
 
@@ -74,14 +79,18 @@ def read_map(folder: Path, stem: str, unit: float) -> np.ndarray:
             f"{stem}: expected one map, found {stem}.npy and {stem}.png; which of them is meant "
             "cannot be told. Move one of the two kinds to another folder"
         )
+    if not (array.is_file() or png.is_file()):
+        raise RowError(f"{stem}: expected a map in {stem}.npy or .png; found neither")
+    return _map(array if array.is_file() else png, unit, stem)
+
+
+def _map(path: Path, unit: float, stem: str = "") -> np.ndarray:
     try:
-        if array.is_file():
-            return float32(read_npy(array))
-        if png.is_file():
-            return read_png16(png).astype(np.float32) / np.float32(unit)
+        if path.suffix == ".npy":
+            return float32(read_npy(path))
+        return read_png16(path).astype(np.float32) / np.float32(unit)
     except RowError as error:
-        raise RowError(f"{stem}{'.npy' if array.is_file() else '.png'}: {error}") from error
-    raise RowError(f"{stem}: expected a map in {stem}.npy or .png; found neither")
+        raise RowError(f"{stem or path.stem}{path.suffix}: {error}") from error
 
 
 def inverse(depth: np.ndarray) -> np.ndarray:

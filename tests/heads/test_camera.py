@@ -56,6 +56,10 @@ def test_options_come_first(tmp_path):
     assert camera_of(path, 400, 300, View(fov=90)).fx == pytest.approx(200)
     with pytest.raises(UsageError, match="at least 1 px"):
         camera_of(path, 400, 300, View(intrinsics="-5,5,1,1"))
+    with pytest.raises(UsageError, match="multiply fx and cx by the width"):
+        camera_of(path, 400, 300, View(intrinsics="0.8,1.1,0.5,0.5"))
+    with pytest.raises(UsageError, match="leave one out"):
+        camera_of(path, 400, 300, View(intrinsics="500,510,201,149", fov=60))
 
 
 def test_damaged_metadata_is_no_camera(tmp_path):

@@ -57,6 +57,8 @@ def camera_of(path: Path | None, width: int, height: int, view: View = View()) -
 
     Raises UsageError for options that are not of their form.
     """
+    if view.intrinsics is not None and view.fov is not None:
+        raise UsageError("--intrinsics and --fov both say what the camera is: leave one out")
     if view.intrinsics is not None:
         return Camera(*_four(view.intrinsics), width, height, "--intrinsics")
     if view.fov is not None:
@@ -79,6 +81,11 @@ def _four(text: str) -> tuple[float, float, float, float]:
         fx, fy, cx, cy = reals(text, 4)
     except ValueError as error:
         raise UsageError(f"--intrinsics: expected fx,fy,cx,cy in px; found {text!r}") from error
+    if max(fx, fy, cx, cy) < 10 and min(fx, fy, cx, cy) > 0:
+        raise UsageError(
+            f"--intrinsics: expected px of the photo; found {text!r}, which looks like shares of "
+            "its width and height: multiply fx and cx by the width, fy and cy by the height"
+        )
     if not (1 <= fx < 1e6 and 1 <= fy < 1e6 and abs(cx) < 1e6 and abs(cy) < 1e6):
         raise UsageError(
             "--intrinsics: expected focal lengths of at least 1 px, and all four below 1,000,000; "

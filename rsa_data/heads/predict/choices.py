@@ -24,8 +24,8 @@ class Models:
         `rsa-data list depth-models`.
     depth_weights : file of the depth model's weights, instead of the download.
     depth_card : model card (TOML) of a depth model of your own.
-    relative : relative depth instead of a model's: .npy or 16-bit PNG (value / 65535), or a folder
-        of maps named like the photos.
+    relative : relative depth instead of a model's, larger is nearer (a depth map is the wrong way
+        round): .npy or 16-bit PNG (value / 65535), or a folder of maps named like the photos.
     """
 
     segments: str | None = None
@@ -63,7 +63,7 @@ class View:
     """The camera, where the photo does not say it in its EXIF data.
 
     intrinsics : focal lengths and principal point as fx,fy,cx,cy in px of the photo.
-    fov : horizontal field of view in degrees.
+    fov : horizontal field of view in degrees, instead of intrinsics.
     """
 
     intrinsics: str | None = None

@@ -193,7 +193,7 @@ def relative_source(about: dict[str, Any], root: Path, models: Models) -> "Sourc
     from ... import registry
     from ...datasets.folder import folder
     from ...depth.choice import entry
-    from ...depth.files import of_image, read
+    from ...depth.files import of_image, read, read_file
 
     relative = models.relative
     if relative is not None and relative.is_dir():
@@ -205,7 +205,7 @@ def relative_source(about: dict[str, Any], root: Path, models: Models) -> "Sourc
     if relative is not None and not relative.is_file():
         raise UsageError(f"--relative {relative}: expected a file or folder; there is none")
     if relative is not None:
-        return lambda name: of_image(read(relative.parent, relative.stem), root, name)
+        return lambda name: of_image(read_file(relative), root, name)
     options = depth_of(about, models)
     runs = entry(options["name"], models.depth_card)
     source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, runs)(

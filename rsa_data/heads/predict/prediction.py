@@ -94,11 +94,17 @@ class Prediction:
 
     @property
     def range(self) -> tuple[float, float, float] | None:
-        """Nearest, median and farthest depth, m, of the pixels that have one."""
+        """Nearest, median and farthest depth, m, of the pixels that have one.
+
+        The 0.5th and 99.5th percentile stand for the ends: single pixels there are often wrong.
+        """
         if self.depth is None:
             return None
         good = self.depth[np.isfinite(self.depth) & (self.depth > 0)]
-        return (float(good.min()), float(np.median(good)), float(good.max())) if len(good) else None
+        if not len(good):
+            return None
+        near, middle, far = np.percentile(good, [0.5, 50, 99.5])
+        return float(near), float(middle), float(far)
 
     @property
     def lines(self) -> list[str]:
