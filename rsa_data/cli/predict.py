@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from ..common.errors import RsaDataError, UsageError
 from ..common.options import call, parameters
 from ..heads.predict.find import is_path
-from ..heads.predict.photos import listed
+from ..heads.predict.photos import is_video, listed
 from ..heads.predict.predict import predict as predict_function
 from ..store.outputs import identities
 from ..store.tables import WorkDir
@@ -44,6 +45,12 @@ def predict(
       rsa-data predict --head nyu --caption "a small bathroom with a sink"
     """
     outputs = call(_files, **{name: options.pop(name) for name in parameters(_files)})
+    source = click.get_current_context().get_parameter_source("kind")
+    if source is ParameterSource.COMMANDLINE and (outputs.out is None or outputs.is_file):
+        raise UsageError(
+            "--kind: it is the format of the files in the folder --out, and no folder is given: "
+            "name one, or leave --kind out"
+        )
     places, said, failed = [*photos, *images], [], 0
     found = listed(places)
     given = [value for value in options.values() if isinstance(value, Path)]
@@ -51,6 +58,8 @@ def predict(
     read = [*given, *(photo.path for photo in found), *(p for p in places if p.is_file())]
     writer = Writer(outputs, identities(read) if outputs else ())
     names = [photo.name for photo in found]
+    # Of a video, the first two frames stand for all of them.
+    names += [f"{p.name}/{number:06d}.png" for p in places if is_video(p) for number in (1, 2)]
     if not places and options["relative"]:
         names = [options["relative"].name]
     writer.check(names)

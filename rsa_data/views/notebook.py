@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -88,9 +89,10 @@ def embed_texts(
 def predict_depth(
     image: np.ndarray | str | os.PathLike[str],
     *,
-    head: ScaleHead | str | os.PathLike[str],
+    head: ScaleHead | str | os.PathLike[str] | None = None,
     caption: str | None = None,
     relative: np.ndarray | None = None,
+    known: Sequence[tuple[float, float, float]] = (),
     **models: Any,
 ) -> np.ndarray:
     """Metric depth of one image, float32 (height, width), m; inf where it is beyond everything.
@@ -98,29 +100,45 @@ def predict_depth(
     Parameters
     ----------
     image : uint8 (height, width, 3), RGB, or an image file.
-    head : a ScaleHead, or the folder that holds one, such as work/heads/NAME.
+    head : a ScaleHead, or the folder that holds one, such as work/heads/NAME; None where known
+        distances are enough.
     caption : what the image shows, instead of a caption from the head's segmenter.
     relative : float (height, width), raw output of the head's depth model at the image's own size,
         instead of running it.
+    known : points of known depth, (column, row, metres), of the image as it is shown, from the top
+        left; used as `rsa-data predict --known`. Without a head two or more give scale and shift,
+        one the scale alone; with a head they correct it.
     models : the models and files of their weights as options of `rsa-data predict`: segments,
         segmenter_weights, card, style, encoder_weights, depth_model, depth_weights, depth_card.
 
-    Raises RsaDataError where a model is missing, UsageError for an argument of another kind.
+    Warns (UserWarning) where known points contradict each other, the head or the relative depth,
+    and of what had to be assumed. Raises RsaDataError where a model is missing, UsageError for an
+    argument of another kind.
     """
     from PIL import Image
 
     from ..datasets.images import image_size, read_image
     from ..heads.checkpoint import ScaleHead
-    from ..heads.metric import to_metric
     from ..heads.predict.asking import Asking
-    from ..heads.predict.choices import Models
-    from ..heads.predict.images import depth_of, describer, relative_map, relative_source
+    from ..heads.predict.choices import Hints, Models
+    from ..heads.predict.depth_model import depth_of
+    from ..heads.predict.images import describer, relative_map, relative_source
+    from ..heads.predict.prediction import Prediction
+    from ..heads.predict.run import in_metres
 
-    if not isinstance(head, ScaleHead):
+    hints = Hints(known=_known(known))
+    if head is None and not hints:
+        raise UsageError("predict_depth: expected a head, or known=[(u, v, metres), ...]")
+    of_head = ("segments", "segmenter_weights", "card", "style", "encoder_weights")
+    for name in ("caption", *of_head) if head is None else ():
+        if ({"caption": caption} | models).get(name) is not None:
+            raise UsageError(f"predict_depth: {name}: it has no effect without a head")
+    if head is not None and not isinstance(head, ScaleHead):
         head = ScaleHead.load(os.fspath(head) if isinstance(head, os.PathLike) else head)
     if caption is not None:
         calls.text("predict_depth: caption", caption)
-    about, chosen = head.description, Models(**_models(models))
+    about: dict[str, Any] = {} if head is None else head.description
+    chosen = Models(**_models(models))
     with tempfile.TemporaryDirectory() as folder:
         if isinstance(image, np.ndarray):
             if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
@@ -147,16 +165,35 @@ def predict_depth(
                     f"{height, width}; found none, and no depth model to make it: "
                     f"{str(error).removeprefix('predict: ')}"
                 ) from error
-        ask = Asking(head, chosen.encoder_weights, chosen.style)
-        found, own = None, caption
-        if caption is None and ask.kinds != ("image",):
-            found, own = describer(about, place.parent, chosen)(place.name)
-        said = ask(own, found, read_image(place) if "image" in ask.kinds else None)
+        said = Prediction(None)
+        if head is not None:
+            ask = Asking(head, chosen.encoder_weights, chosen.style)
+            found, own = None, caption
+            if caption is None and ask.kinds != ("image",):
+                found, own = describer(about, place.parent, chosen)(place.name)
+            said = ask(own, found, read_image(place) if "image" in ask.kinds else None)
         if relative is None:
             source = relative_source(about, place.parent, chosen)
             relative = relative_map(source, place.name, (height, width))
-    depth: np.ndarray = to_metric(relative, said.scale, said.shift)
-    return depth
+    said.warnings, said.image = [], None
+    in_metres(said, relative, hints, about)
+    assert said.depth is not None
+    for text in said.warnings if hints else ():
+        warnings.warn(text, stacklevel=3)
+    return said.depth
+
+
+def _known(given: Any) -> tuple[str, ...]:
+    """Known points as the command line writes them, checked."""
+    try:
+        return tuple(
+            ",".join(f"{float(value):.12g}" for value in (u, v, metres)) for u, v, metres in given
+        )
+    except (TypeError, ValueError):
+        raise UsageError(
+            "predict_depth: known: expected (column, row, metres) of each point; found "
+            f"{given!r:.80}"
+        ) from None
 
 
 def _models(given: Mapping[str, Any]) -> dict[str, Any]:

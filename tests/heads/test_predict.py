@@ -159,6 +159,11 @@ def test_a_video_is_a_folder_of_frames(work, tmp_path):
             assert len(list(Path(tempfile.gettempdir()).glob("rsa-data-frames-*/0/v.avi/*"))) <= 2
             seen.append(float(p.image.mean()))
         np.testing.assert_allclose(seen, [0, 60, 120], atol=3)
+    out = tmp_path / "one.png"
+    done = run(
+        work, tmp_path / "v.avi", "--relative", tmp_path / "maps", "--range", "1,5", "--out", out
+    )
+    assert "one file for several photos" in str(done.exception) and not out.exists()
     (tmp_path / "no.mp4").write_bytes(b"no video")
     with pytest.raises(RsaDataError, match="expected a video"):
         predict(work, tmp_path / "no.mp4", caption=("a",), relative=tmp_path / "maps")
@@ -227,6 +232,10 @@ def test_a_video_that_ends_early_is_said_so(work, tmp_path):
         ("a.png --caption a --depth-model tu2020", "came from files, and which model"),
         ("--relative y.npy --known 1,1,2 --known 1,1,2", "the same at all points"),
         ("--relative y.npy --known 1,1,2 --head head", "a head needs a photo or a --caption"),
+        ("a.png --relative y.npy --range 1,5 --segmenter-weights a.png", "name the segmenter with"),
+        ("--caption a --card a.png", "--card has no effect here"),
+        ("a.png --relative y.npy --range 1,5 --kind png", "no folder is given"),
+        ("a.png --relative y.npy --range 1,5 --kind png --out x.npy", "no folder is given"),
     ],
 )
 def test_calls_that_do_not_add_up_are_refused(work, y, tmp_path, monkeypatch, words, message):
@@ -307,6 +316,34 @@ def test_a_head_of_depth_files_gives_words_alone_and_says_why(work, tmp_path):
     assert p.depth is None and any("came from files" in w for w in p.warnings)
     done = run(work, tmp_path / "a.png", "--caption", "a", "--colours")
     assert done.exit_code == 1 and "there is no depth to write" in done.stderr
+
+
+def test_a_head_of_rendered_scenes_is_refused_before_files_are_asked_for(
+    work, tmp_path, monkeypatch
+):
+    path = work.store.folder / "heads/head/head.json"
+    about = json.loads(path.read_text()) | {"datasets": {"rooms": {"synthetic": True}}}
+    del about["digest"]  # as of a head that was written before there were digests
+    path.write_text(json.dumps(about))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 5, 3), np.uint8))
+    done = run(work, tmp_path / "a.png", "--segments", "maskformer")
+    assert isinstance(done.exception, UsageError)
+    assert "trained on rendered relative depth" in str(done.exception)
+    assert "maskformer" not in str(done.exception)
+    (p,) = predict(work, tmp_path / "a.png", caption=("a kitchen",))
+    assert p.depth is None and p.scale > 0
+
+
+def test_a_file_of_another_depth_model_says_how_to_name_it(shared, tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((480, 640, 3), np.uint8))
+    file = real(shared)["depth_weights"]
+    words = [tmp_path / "a.png", "--range", "1,5", "--depth-weights", file]
+    done = run(WorkDir(tmp_path / "none"), *words, "--json")
+    assert isinstance(done.exception, UsageError) and not done.stdout
+    assert "expected a file of depth-anything-v2-small" in str(done.exception)
+    assert "Give --depth-model NAME" in str(done.exception)
+    assert "ONNXRuntime" not in str(done.exception)
 
 
 def test_a_head_for_another_depth_model_is_refused(work, tmp_path):

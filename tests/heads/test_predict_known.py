@@ -106,6 +106,13 @@ def test_one_wrong_point_among_five_is_left_out_with_a_head_too(work, tmp_path):
     assert any("bear it out" in w for w in p.all_warnings)
 
 
+def test_a_distance_in_millimetres_is_asked_about(y, tmp_path):
+    for metres, asked in (("2184", True), ("2.184", False)):
+        given = {"relative": tmp_path / "y.npy", "known": (f"1,1,{metres}",)}
+        (p,) = predict(WorkDir(tmp_path / "none"), **given)
+        assert any(f"{metres} m at 1,1; are they in metres?" in w for w in p.warnings) == asked
+
+
 def test_known_points_of_several_photos_are_warned_about(tmp_path):
     (tmp_path / "maps").mkdir()
     for name in ("a", "b"):

@@ -209,6 +209,45 @@ def test_depth_of_a_photo_by_real_models(shared, tmp_path):
     assert rsa_data.predict_depth(tmp_path / "turned.png", **given).shape == found.shape
 
 
+def test_known_points_give_depth_without_a_head():
+    """y of another scale and shift, exact: three points give the depth everywhere."""
+    truth = np.random.default_rng(0).uniform(0.5, 9, (6, 8)).astype(np.float32)
+    y, image = (1 / truth + 0.03) * 17, np.zeros((6, 8, 3), np.uint8)
+    known = [(u, v, truth[v, u]) for u, v in ((0, 0), (5, 2), (7, 5))]
+    found = rsa_data.predict_depth(image, relative=y, known=known)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, truth, rtol=1e-3)
+    with pytest.warns(UserWarning, match="the shift is assumed to be 0"):
+        found = rsa_data.predict_depth(image, relative=y, known=[(5, 2, 4)])
+    np.testing.assert_allclose(found, 4 * y[2, 5] / y, rtol=1e-5)
+    for given, said in (
+        ({}, r"expected a head, or known=\[\(u, v, metres\)"),
+        ({"known": [(1, 2)]}, r"known: expected \(column, row, metres\) of each point"),
+        ({"known": [(8, 2, 1)]}, "8,2,1: expected a pixel of"),
+        ({"known": known, "caption": "a bed"}, "caption: it has no effect without a head"),
+        ({"known": known, "style": "release"}, "style: it has no effect without a head"),
+    ):
+        with pytest.raises(UsageError, match=said) as error:
+            rsa_data.predict_depth(image, relative=y, **given)
+        assert "--" not in str(error.value)
+
+
+def test_known_points_correct_a_head():
+    torch.manual_seed(0)
+    features = {"dim": 384, "encoder": "minilm", "files": None}
+    features["options"] = {"encoder": "minilm", "normalize": False}
+    about = {"format": 1, "architecture": {"name": "linear"}, "features": features}
+    network = build_network(about["architecture"], 384)
+    head = ScaleHead(network, about, torch.zeros(384), torch.ones(384))
+    y, image = np.linspace(0.5, 4, 48).reshape(6, 8), np.zeros((6, 8, 3), np.uint8)
+    given = {"head": head, "caption": "a bed", "relative": y}
+    alone = rsa_data.predict_depth(image, **given)
+    wanted = [(u, v, alone[v, u] * 1.1) for u, v in ((0, 0), (4, 3), (7, 5))]
+    found = rsa_data.predict_depth(image, **given, known=wanted)
+    off = [abs(depth[v, u] / z - 1) for depth in (alone, found) for u, v, z in wanted]
+    assert max(off[3:]) < min(off[:3])
+
+
 def test_only_public_names_are_shown():
     assert dir(rsa_data) == sorted(rsa_data.__all__)
     rooms_of = {"cli", "views", "heads", "captions", "segments", "embeddings", "depth", "store"}

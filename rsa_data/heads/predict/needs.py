@@ -9,7 +9,8 @@ from ...common.units import size
 from .. import reading
 from ..description import Features
 from .choices import Models
-from .images import check_depth_file, depth_of, segmenter_of
+from .depth_model import check_depth_file, depth_of
+from .images import segmenter_of
 
 
 def check(

@@ -56,7 +56,7 @@ def opened(places: Iterable[Path]) -> Iterator[list[Photo]]:
     with TemporaryDirectory(prefix="rsa-data-frames-") as temporary:
         photos: list[Photo] = []
         for number, place in enumerate(places):
-            if _is_video(place):
+            if is_video(place):
                 photos += _frames(place, Path(temporary) / str(number))
             else:
                 photos += _files(place)
@@ -70,10 +70,11 @@ def opened(places: Iterable[Path]) -> Iterator[list[Photo]]:
 
 def listed(places: Iterable[Path]) -> list[Photo]:
     """The photos at some places without the frames of videos, which nothing is known of yet."""
-    return [photo for place in places if not _is_video(place) for photo in _files(place)]
+    return [photo for place in places if not is_video(place) for photo in _files(place)]
 
 
-def _is_video(place: Path) -> bool:
+def is_video(place: Path) -> bool:
+    """Whether a file lies there that is taken as frames, by its name."""
     return place.suffix.lower() in VIDEOS and place.is_file()
 
 

@@ -11,8 +11,15 @@ from ..reading import reads
 from . import known_depth, needs
 from .camera import camera_of
 from .choices import Hints, Models, View
+from .depth_model import only_rendered
 from .distances import measure
-from .images import captions_of, describer, relative_map, relative_source, segmenter_of
+from .images import (
+    captions_of,
+    describer,
+    relative_map,
+    relative_source,
+    segmenter_of,
+)
 from .objects import seen
 from .photos import Photo
 from .prediction import Prediction
@@ -22,6 +29,8 @@ if TYPE_CHECKING:
     from ..checkpoint import ScaleHead
     from .asking import Asking
 
+# A known distance above this, m, is more often one in another unit.
+_FAR = 300.0
 # Width over height of an equirectangular panorama.
 _PANORAMA = (1.98, 2.02)
 
@@ -82,6 +91,12 @@ class Run:
         if "image" in self.kinds and not photos:
             raise UsageError("predict: this head reads the photo itself: give one")
         describes = photos and self._looks()
+        if not describes and (self.models.segmenter_weights or self.models.card):
+            option = "--segmenter-weights" if self.models.segmenter_weights else "--card"
+            raise UsageError(
+                f"predict: {option} has no effect here, since nothing looks for objects: name the "
+                "segmenter with --segments NAME and give a photo, or leave it out"
+            )
         runs = photos and self.models.relative is None
         try:
             needs.check(
@@ -94,6 +109,8 @@ class Run:
         except UsageError as error:
             if self.hints or self.models.depth_model is not None:
                 raise
+            if describes and only_rendered(self.about):
+                raise  # before files are asked for that would tell nothing of a photo
             self.without_depth = str(error).removeprefix("predict: ")
             encodes = self.head is not None
             needs.check(self.about, self.models, caption=describes, encoder=encodes, depth=False)
@@ -173,7 +190,7 @@ class Run:
 
     def _measure(self, p: Prediction, y: np.ndarray) -> None:
         p.warnings += self.shared
-        measure(p, y, self.hints, self.about.get("prior"), self.head is not None)
+        in_metres(p, y, self.hints, self.about)
 
     def _with_map(self, p: Prediction) -> Prediction:
         """Depth of a map without its photo."""
@@ -181,6 +198,18 @@ class Run:
         p.camera = camera_of(None, y.shape[1], y.shape[0], self.view)
         self._measure(p, y)
         return p
+
+
+def in_metres(p: Prediction, y: np.ndarray, hints: Hints, about: dict[str, Any]) -> None:
+    """Adds depth and known distances, and asks about distances that are hardly in metres.
+
+    about : head.json, {} without a head. Otherwise as `distances.measure`.
+    """
+    measure(p, y, hints, about.get("prior"), bool(about))
+    if far := [k.name for k in p.known if k.metres > _FAR]:
+        p.warnings.append(
+            f"known distances above {_FAR:g} m: {', '.join(far)}; are they in metres?"
+        )
 
 
 def _read(photo: Photo) -> np.ndarray:
