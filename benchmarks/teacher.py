@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from rsa_data import ScaleHead, to_metric
 from rsa_data.common.options import call
-from rsa_data.heads.predict.known_depth import refine
+from rsa_data.heads.predict.correction import refine
 from rsa_data.heads.train.train_head import train_head
 from rsa_data.store.tables import WorkDir
 

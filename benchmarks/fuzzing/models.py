@@ -15,7 +15,7 @@ from rsa_data.common.errors import RsaDataError
 from rsa_data.datasets.folder import folder
 from rsa_data.depth import onnx
 from rsa_data.embeddings import sentence
-from rsa_data.heads.predict import camera, known_depth
+from rsa_data.heads.predict import camera, correction, known_depth
 from rsa_data.runner import limits
 
 from .forms import (
@@ -79,10 +79,10 @@ def argument(here: Path) -> One:
 
     def known(text: str) -> None:
         at, metres = known_depth.points(y, [text])
-        assert np.isfinite(known_depth.refine(0.1, 0.1, at, metres)).all()
+        assert np.isfinite(correction.refine(0.1, 0.1, at, metres)).all()
 
     def ends(text: str) -> None:
-        assert np.isfinite(known_depth.refine(0.1, 0.1, *known_depth.ends(y, text))).all()
+        assert np.isfinite(correction.refine(0.1, 0.1, *known_depth.ends(y, text))).all()
 
     def known_camera(text: str) -> None:
         camera.camera_of(None, 4, 3, camera.View(intrinsics=text))
