@@ -129,10 +129,9 @@ class Prediction:
             )
         lines += [f"  {one.line}" for one in self.objects or ()]
         if self.camera is not None:
-            lines.append(
-                f"  camera: {self.camera.source}, horizontal field of view "
-                f"{self.camera.view:.1f} degrees"
-            )
+            view = f"horizontal field of view {self.camera.view:.1f} degrees"
+            assumed = self.camera.source.startswith("assumed")
+            lines.append(f"  camera: {self.camera.source}" + ("" if assumed else f", {view}"))
         return lines + [
             f"  wrote {path}" + (f": {self.holds[path]}" if path in self.holds else "")
             for path in self.files
