@@ -11,6 +11,13 @@ from weather import Weather, weather_before
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
+@pytest.fixture(autouse=True)
+def nothing_typed() -> Iterator[None]:
+    """What one test typed as code of its own, the next one did not."""
+    yield
+    os.environ.pop("RSA_DATA_TYPED_CODE", None)
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Real data and weights that stand beside a checkout on some machines; skips without them."""

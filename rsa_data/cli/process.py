@@ -68,7 +68,7 @@ def _unexpected(error: BaseException) -> str:
         where = f"{error.filename!s:.500}: " if error.filename else ""
         return where + (error.strerror or what)
     shown = f"unexpected {kind}: {what}" if what else f"unexpected {kind}"
-    whose = " or ".join(["rsa-data", *(f"the code {name}" for name in own_code.allowed())])
+    whose = " or ".join(["rsa-data", *(f"the code {name}" for name in own_code.at_work())])
     return f"{shown:.500}. This is a fault of {whose}: `rsa-data --debug ...` shows the traceback"
 
 

@@ -19,6 +19,7 @@ CODE = "RSA_DATA_CODE"
 REFERENCE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 # The same of what was typed or stands in a pipeline file: for processes that are started later.
 _TYPED = "RSA_DATA_TYPED_CODE"
+_loaded: set[str] = set()
 
 
 def allow(words: Iterable[str]) -> None:
@@ -39,6 +40,11 @@ def allow(words: Iterable[str]) -> None:
 def allowed() -> tuple[str, ...]:
     """The names in the form `module:attribute` that may be imported."""
     return tuple(dict.fromkeys([*_names(CODE), *_names(_TYPED)]))
+
+
+def at_work() -> tuple[str, ...]:
+    """What RSA_DATA_CODE names, and what else this process has imported."""
+    return tuple(dict.fromkeys([*named(), *sorted(_loaded)]))
 
 
 def named() -> tuple[str, ...]:
@@ -82,6 +88,7 @@ def load(kind: str, name: str, target: str, of: tuple[str, ...] = ()) -> Any:
     cannot be imported; UsageError when it is something else.
     """
     module, _, attribute = target.partition(":")
+    _loaded.add(target)
     try:
         found: Any = import_module(module)
         for step in attribute.split("."):
