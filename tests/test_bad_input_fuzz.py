@@ -173,6 +173,13 @@ def test_depth_npy(tmp_path, data):
             assert str(tmp_path) not in str(error)
 
 
+def test_a_signalling_nan_is_no_depth(tmp_path):
+    values = np.ones((3, 4), np.float32)
+    values.view(np.uint32)[0, 1] = 0x7F810000
+    np.save(tmp_path / "a.npy", values)
+    assert npy(1.0)(tmp_path / "a.npy")[0].tolist() == [1, 0, 1, 1]
+
+
 @FEW
 @given(
     data=st.sampled_from(

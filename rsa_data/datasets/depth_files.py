@@ -128,7 +128,8 @@ def npy(
                 f"depth: expected integers, counted in steps of 1/{per_metre:g} m, found "
                 f"{values.dtype}; if the file is in metres, say depth_unit=m"
             )
-        depth = float32(values) / np.float32(per_metre)
+        with np.errstate(invalid="ignore"):  # a signalling NaN, which means none like any other
+            depth = float32(values) / np.float32(per_metre)
         depth[~(np.isfinite(depth) & (depth > 0))] = 0
         if values.dtype.kind in "iu":
             depth[np.isin(values, [*none, np.iinfo(values.dtype).max])] = 0
