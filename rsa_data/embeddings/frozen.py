@@ -56,7 +56,11 @@ def runners(
     device: Device,
     threads: int,
 ) -> tuple[Run, TextModel, Run]:
-    """As runtime.runners, from the names of the options."""
+    """Runs a model at the asked precision, the model, and the same in float32 for the audit.
+
+    The arguments are the options of `embed`. Raises UsageError for a file that is not there, or a
+    precision that the encoder is not run in.
+    """
     if precision == "auto":
         precision = runtime.native_precision(wanted, device)
     where = runtime.choose(precision, wanted, device)
@@ -66,6 +70,10 @@ def runners(
 
 
 def features_of(run: Run, model: TextModel, ids: Ids) -> np.ndarray:
+    """Features of tokenized texts, float32 (n, dim), raw, in the order of `ids`.
+
+    run, model : from `runners`. ids : the tokens of each text, from `model.tokenize`.
+    """
     features = np.empty((len(ids), model.dim), np.float32)
     for rows, found in run(model.batches(ids, model.budget)):
         features[rows] = found
