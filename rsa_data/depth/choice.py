@@ -17,11 +17,15 @@ def entry(name: str, card: Path | None) -> str:
     return _BY_CARD if card is not None else name
 
 
-def check(*, depth_model: str | None = None, card: Path | None = None, **_: Any) -> None:
+def check(
+    *, depth_model: str | None = None, card: Path | None = None, device: str = "auto", **_: Any
+) -> None:
     """Refuses a model that is not in the registry, unless a card describes it."""
     if depth_model is None and card is None:
         raise UsageError("depth: expected --depth-model NAME, or --card FILE of your own model")
     name = registry.DEPTH_MODELS.split(depth_model or "")[0]
+    if name == "files" and device != "auto":
+        raise UsageError("depth model files: --device has no effect here: leave it out")
     if card is not None and name == "files":
         raise UsageError("depth model files: --card has no effect here: leave it out")
     registry.check("depth model", registry.DEPTH_MODELS, entry(name, card))
@@ -38,13 +42,14 @@ def files(
     depth_weights: Path | None = None,
     card: Path | None = None,
     geometry: str | None = None,
+    device: str = "auto",
     **_: Any,
 ) -> dict[str, Path]:
     """The files that these options read, model and card; none for depth that lies in files.
 
     Raises UsageError for options that do not go together, before anything is begun.
     """
-    check(depth_model=depth_model, card=card)
+    check(depth_model=depth_model, card=card, device=device)
     name, argument = registry.DEPTH_MODELS.split(depth_model or "")
     if not registry.DEPTH_MODELS.is_own(entry(name, card)):
         registry.resolve("depth model", registry.DEPTH_MODELS, name)

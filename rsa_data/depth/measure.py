@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from .. import registry
 from ..common.errors import RowError
+from ..common.onnx_sessions import Device
 from ..common.options import accepts_old_names
 from ..common.prefetch import each
 from ..common.ranges import AtOnce, Count
@@ -43,6 +44,7 @@ def build(
     pixels: Annotated[int, msgspec.Meta(ge=1, le=2**20)] = 1024,
     seed: Count = 0,
     threads: AtOnce = 1,
+    device: Device = "auto",
 ) -> Callable[[pa.Table], pa.Table]:
     """Runs a relative-depth model, or reads its files, and pairs it with the ground truth.
 
@@ -61,8 +63,9 @@ def build(
     pixels : pixels drawn from each training image; test images are stored whole.
     seed : another seed draws other pixels.
     threads : CPU threads of the model in each worker.
+    device : where the model runs; auto takes CUDA where onnxruntime has it.
     """
-    check(depth_model=depth_model, card=card)
+    check(depth_model=depth_model, card=card, device=device)
     name, argument = registry.DEPTH_MODELS.split(depth_model or "")
     source: Source = registry.resolve("depth model", registry.DEPTH_MODELS, entry(name, card))(
         name=name,
@@ -75,6 +78,7 @@ def build(
         crop=crop,
         holds=files_hold,
         threads=threads,
+        device=device,
     )
 
     def step(samples: pa.Table) -> pa.Table:
@@ -199,6 +203,14 @@ def at_size(relative: Relative, height: int, width: int) -> np.ndarray:
     return whole
 
 
+def settle(options: dict[str, Any], there: dict[str, Any] | None) -> dict[str, Any]:
+    """The options without `device` where no model runs, and where the table is older than it."""
+    name = registry.DEPTH_MODELS.split(options["depth_model"] or "")[0]
+    older = there is not None and "device" not in there and options["device"] == "auto"
+    dropped = {"device"} if name == "files" or older else set()
+    return {option: value for option, value in options.items() if option not in dropped}
+
+
 STAGE = Stage(
     name="depth",
     version=1,
@@ -222,4 +234,5 @@ STAGE = Stage(
     files=files,
     notes=Notes(notes.COLUMNS, notes.write),
     check=check,
+    settle=settle,
 )

@@ -11,7 +11,7 @@ import numpy as np
 from ..common.cards import Card
 from ..common.errors import RowError, RsaDataError, UsageError
 from ..common.model_files import local_file
-from ..common.onnx_sessions import open_session
+from ..common.onnx_sessions import Device, open_session
 from ..datasets import images
 from ..datasets.kitti import CROP
 from ..datasets.shards import name_of
@@ -29,12 +29,13 @@ def build(
     geometry: str | None,
     crop: str,
     threads: int,
+    device: Device = "auto",
     **_: Any,
 ) -> Source:
     """A session on the model's file, and the reader of images below `root`; see measure.build."""
     described = card_for(name, card)
     settings = described.settings
-    session = open_session(local_file(described, weights, "--depth-weights"), threads)
+    session = open_session(local_file(described, weights, "--depth-weights"), threads, device)
     resize = fixed(geometry) if geometry else RESIZES[settings["resize"]](settings)
     first = session.get_inputs()[0]
     name_in, half = first.name, first.type == "tensor(float16)"

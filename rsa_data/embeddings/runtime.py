@@ -1,11 +1,11 @@
 """Where and in which precision an encoder runs, and what runs it there."""
 
-import ctypes
 from copy import deepcopy
 from dataclasses import replace
 from typing import Literal
 
 from ..common.errors import UsageError
+from ..common.onnx_sessions import gpu_driver
 from ..runner.cpu import cpu_type
 from .encoder import TextModel
 from .graphs import graph
@@ -56,15 +56,11 @@ def native_precision(runtime: Runtime, device: Device) -> Precision:
 
 def _gpu() -> bool:
     """Whether torch finds a GPU; without a driver it is not even imported, which takes a second."""
-    for driver in ("libcuda.so.1", "nvcuda.dll", "libamdhip64.so"):
-        try:
-            ctypes.CDLL(driver)
-        except OSError:
-            continue
-        import torch
+    if not gpu_driver():
+        return False
+    import torch
 
-        return torch.cuda.is_available()
-    return False
+    return torch.cuda.is_available()
 
 
 def _can_export() -> bool:

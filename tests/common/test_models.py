@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from own_models import write_semantic
 
 from rsa_data.common import cards, model_files, onnx_sessions
 from rsa_data.common.cards import Card
@@ -242,3 +243,28 @@ def test_cuda_where_there_is_none(tmp_path):
         pytest.skip("this onnxruntime has CUDA")
     with pytest.raises(UsageError, match="this onnxruntime has no CUDA; install onnxruntime-gpu"):
         onnx_sessions.open_session(tmp_path / "m.onnx", device="cuda")
+
+
+def test_cuda_that_cannot_be_loaded(monkeypatch, tmp_path, capsys):
+    """onnxruntime-gpu without CUDA's libraries opens a session on the CPU, without an error."""
+    import onnxruntime
+
+    small_model = write_semantic(tmp_path / "same.onnx")
+    real = onnxruntime.InferenceSession
+
+    def falls_back(path, options, providers):
+        assert providers[0][0] == "CUDAExecutionProvider"
+        return real(path, options, providers=["CPUExecutionProvider"])
+
+    providers = ["CUDAExecutionProvider", "CPUExecutionProvider"]
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: providers)
+    monkeypatch.setattr(onnxruntime, "InferenceSession", falls_back)
+    monkeypatch.setattr(onnx_sessions, "gpu_driver", lambda: False)
+    with pytest.raises(UsageError, match="no GPU driver was found"):
+        onnx_sessions.open_session(small_model, device="cuda")
+    monkeypatch.setattr(onnx_sessions, "gpu_driver", lambda: True)
+    with pytest.raises(UsageError, match=r"cannot load CUDA.*use --device cpu"):
+        onnx_sessions.open_session(small_model, device="cuda")
+    session = onnx_sessions.open_session(small_model)
+    assert session.get_providers() == ["CPUExecutionProvider"]
+    assert "running on the CPU" in capsys.readouterr().err

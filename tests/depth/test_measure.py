@@ -225,12 +225,23 @@ def test_a_real_model_on_real_frames(shared):
         ({"depth_model": "tu2020:x"}, "takes no argument"),
         ({"depth_model": "tu2020", "geometry": "12"}, "WIDTHxHEIGHT"),
         ({"depth_model": "files:/no/such/folder"}, "no such folder"),
+        ({"depth_model": "files", "device": "cuda"}, "--device has no effect"),
     ],
-    ids=["name", "argument", "geometry", "folder"],
+    ids=["name", "argument", "geometry", "folder", "device"],
 )
 def test_a_wrong_call_is_refused_before_anything_is_begun(options, says):
     with pytest.raises(UsageError, match=says):
         model_files(**options)
+
+
+def test_a_table_from_before_there_was_a_device_goes_on():
+    options = stages.bind("depth", {"depth_model": "tu2020"}).options
+    settle = stages.stage("depth").settle
+    older = {name: value for name, value in options.items() if name != "device"}
+    assert settle(options, older) == older
+    assert settle(options, options) == settle(options, None) == options
+    assert settle({**options, "device": "cpu"}, older)["device"] == "cpu"
+    assert "device" not in settle({**options, "depth_model": "files:x"}, None)
 
 
 def test_no_pixels_are_refused():
