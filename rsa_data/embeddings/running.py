@@ -25,6 +25,10 @@ def in_torch(module: "torch.nn.Module", precision: Precision, device: str) -> Ru
     import torch
 
     module = module.to(torch.device(device), getattr(torch, precision)).eval()
+    if device == "cuda":
+        # It compiles a plan for every new shape, and each batch has a shape of its own: 20 to 40 ms
+        # a batch on an H100, more than the whole network takes.
+        torch.backends.cuda.enable_cudnn_sdp(False)
 
     @torch.inference_mode()
     def forward(inputs: dict[str, np.ndarray]) -> torch.Tensor:
