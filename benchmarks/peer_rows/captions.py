@@ -55,7 +55,9 @@ def row(given: Given) -> Row:
     ways = (theirs("pandas", "pandas, a loop"), theirs("datasets", "datasets.map"))
     note = (
         "Both sides write each image's objects largest first, 9 more with 20% of the objects left "
-        "out and the rest shuffled, cut to CLIP's 77 tokens, and Parquet at the end; draws differ."
+        "out and the rest shuffled, cut to CLIP's 77 tokens, and Parquet at the end; draws differ. "
+        "Plain captions that are not equal differ in a last digit, where 100 times the area is "
+        "half-way between two in float64 and the area itself is not."
     )
     return Row(
         "Captions from segments", captions, "captions", (*ways, Way("rsa-data", own, ours=True)),
