@@ -18,9 +18,7 @@ import functools
 import http.server
 import io
 import multiprocessing
-import os
 import re
-import subprocess
 import sys
 import tarfile
 import tempfile
@@ -101,15 +99,8 @@ def write(folder: Path, images: int, a_shard: int, loose: int) -> None:
 
 def measured(*words: object) -> tuple[float, float]:
     """Seconds and peak MB of a command."""
-    begun = time.monotonic()
-    process = subprocess.Popen([sys.executable, "-m", "rsa_data", *map(str, words)],
-                               stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)  # fmt: skip
-    assert process.stderr is not None
-    said = process.stderr.read().decode()
-    _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise SystemExit(f"{words}: status {status}\n{said}")
-    return time.monotonic() - begun, usage.ru_maxrss / 1000
+    _, seconds, peak, _ = recording.spent([sys.executable, "-m", "rsa_data", *map(str, words)])
+    return seconds, peak
 
 
 def chain(

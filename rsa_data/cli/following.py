@@ -12,6 +12,7 @@ from ..heads.description import Description, read
 from ..runner import stages
 from ..runner.stage import Stage
 from ..store.tables import WorkDir
+from ..store.unchanging import unchanging
 
 if TYPE_CHECKING:
     from ..heads.belong import Tables
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 def after(work: WorkDir, stage: Stage, dataset: str, output: str) -> str:
     """The command that follows a stage, whose table `output` of a dataset has just been made."""
+    work = unchanging(work)
     command = stage.next.format(dataset=shlex.quote(dataset))
     following = stages.known(command.partition(" ")[0])
     if following is None:

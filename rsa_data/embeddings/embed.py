@@ -69,10 +69,9 @@ def build(
         samples = captions["sample_id"] if "sample_id" in captions.column_names else text_id
         # Rows are counted in samples; the time goes with tokens.
         told = progress.Proportion(len(pc.unique(samples)), int(lengths.sum()))
-        features = np.empty((len(texts), model.dim), np.float32)
-        for rows, found in run(model.batches(ids, model.budget)):
-            features[rows] = found
-            told.add(int(lengths[rows].sum()))
+        features = frozen.features_of(
+            run, model, ids, lambda rows: told.add(int(lengths[rows].sum()))
+        )
         check_finite(features, texts)
         figures = {}
         if precision != "float32" and texts:

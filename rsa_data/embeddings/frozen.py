@@ -69,14 +69,19 @@ def runners(
     return runtime.runners(model, _sources(encoder, paths), precision, where, threads)
 
 
-def features_of(run: Run, model: TextModel, ids: Ids) -> np.ndarray:
+def features_of(
+    run: Run, model: TextModel, ids: Ids, done: Callable[[np.ndarray], object] | None = None
+) -> np.ndarray:
     """Features of tokenized texts, float32 (n, dim), raw, in the order of `ids`.
 
-    run, model : from `runners`. ids : the tokens of each text, from `model.tokenize`.
+    run, model : from `runners`. ids : the tokens of each text, from `model.tokenize`. done : is
+    told the rows of each batch once they are there.
     """
     features = np.empty((len(ids), model.dim), np.float32)
     for rows, found in run(model.batches(ids, model.budget)):
         features[rows] = found
+        if done is not None:
+            done(rows)
     return features
 
 

@@ -12,8 +12,10 @@ from click.testing import CliRunner
 from evaluated import FAST, images
 
 import rsa_data
+from rsa_data.cli import following
 from rsa_data.cli.main import cli
 from rsa_data.runner import stages
+from rsa_data.store.local import LocalStore
 from rsa_data.store.tables import WorkDir
 
 
@@ -99,6 +101,28 @@ def test_a_head_of_one_dataset_is_measured_where_its_tables_are(tmp_path, monkey
         "found none. Make it first: rsa-data embed --dataset void --style occupancy "
         "--encoder minilm, or leave it out: --datasets nyuv2" in str(failed.exception)
     )
+
+
+def test_what_comes_next_takes_few_requests(tmp_path, monkeypatch):
+    """Each is 30 ms where the work dir lies on an object store."""
+    work = WorkDir(tmp_path)
+    for name in ("nyuv2", "void"):
+        images(work, name, 24, "train")
+    asked: list[tuple[str, str]] = []
+
+    class Counted(LocalStore):
+        def list(self, folder):
+            asked.append(("list", folder))
+            return super().list(folder)
+
+        def size(self, path):
+            asked.append(("size", path))
+            return super().size(path)
+
+    work.store = Counted(str(tmp_path))
+    found = following.after(work, stages.stage("depth"), "nyuv2", "depth/files")
+    assert found == "train-head"
+    assert 0 < len(asked) < 60 and len(set(asked)) == len(asked)
 
 
 @pytest.mark.slow
