@@ -27,12 +27,18 @@ def share_of_work() -> tuple[int, int]:
 def batch_of(examples: Examples, ids: np.ndarray, rows: np.ndarray, drawn: np.ndarray) -> Item:
     """drawn : float64 (b,), 0 to below 1: which of an image's captions; 0 is the plain one."""
     return {
-        "feature": examples.rows(rows, drawn).astype(np.float32),  # (b, dim)
-        "relative": examples.relative[rows].astype(np.float32),  # (b, k)
-        "metric": examples.metric[rows].astype(np.float32),  # (b, k)
+        "feature": _float32(examples.rows(rows, drawn)),  # (b, dim)
+        "relative": _float32(examples.relative[rows]),  # (b, k)
+        "metric": _float32(examples.metric[rows]),  # (b, k)
         "fit": examples.fit[rows],  # (b, 2)
         "sample_id": ids[rows].tolist(),
     }
+
+
+def _float32(values: np.ndarray) -> np.ndarray:
+    """The same numbers; torch widens float16 several times as fast as NumPy."""
+    found: np.ndarray = torch.from_numpy(values).float().numpy()
+    return found
 
 
 def parts_of(work: WorkDir, source: Source, split: str) -> list[int]:

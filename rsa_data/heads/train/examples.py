@@ -135,7 +135,10 @@ def _check(
     where: str, ids: pa.ChunkedArray, rows: np.ndarray, relative: np.ndarray, metric: np.ndarray
 ) -> None:
     """Raises RsaDataError for images with pixels of no ground truth or no relative depth."""
-    there = (metric > 0) & np.isfinite(metric) & np.isfinite(relative)
+    # By their bits, which takes a twentieth of the time: positive numbers are 0x0001 to 0x7BFF, and
+    # what is no number has all five bits of the exponent.
+    ones, others = metric.view("<u2"), relative.view("<u2")
+    there = (ones - np.uint16(1) < 0x7BFF) & (others & np.uint16(0x7C00) != 0x7C00)
     wrong = np.flatnonzero(~there.all(1))
     if len(wrong):
         image, pixel = wrong[0], np.flatnonzero(~there[wrong[0]])[0]
