@@ -105,10 +105,13 @@ def locked_file(target: Path) -> tuple[BinaryIO, Path]:
 def sweep(folder: Path, name: str | None = None) -> None:
     """Deletes what killed writers have left in a folder: of one target, or of all."""
     with contextlib.suppress(OSError):  # tidying up must never be what ends a run
-        for path in folder.iterdir():
-            match = _TEMPORARY.fullmatch(path.name)
+        # Each write looks through the whole folder, so no Path is made of each name.
+        with os.scandir(folder) as entries:
+            hidden = [entry.name for entry in entries if entry.name.startswith(".")]
+        for entry in hidden:
+            match = _TEMPORARY.fullmatch(entry)
             if match and name in (None, match[1]):
-                _remove_if_stale(path)
+                _remove_if_stale(folder / entry)
 
 
 def _lock(descriptor: int) -> None:

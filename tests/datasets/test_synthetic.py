@@ -22,7 +22,7 @@ from rsa_data.datasets.index import open_dataset
 from rsa_data.datasets.synthetic.builder import categories
 from rsa_data.datasets.synthetic.dataset import synthetic_indoor, synthetic_street
 from rsa_data.datasets.synthetic.relative import FACTOR
-from rsa_data.datasets.synthetic.render import render
+from rsa_data.datasets.synthetic.render import cast
 from rsa_data.datasets.synthetic.scenes import INDOOR, STREET, shoot
 from rsa_data.datasets.synthetic.sizes import SIZES
 from rsa_data.datasets.synthetic.solids import BOX, ELLIPSOID, GABLE, Camera, Solid
@@ -32,10 +32,6 @@ from rsa_data.store import schemas
 
 BUILDERS = [synthetic_indoor, synthetic_street]
 SMALL = {"scenes": 3, "test_scenes": 2}
-
-
-def seen(solids, camera):
-    return render(solids, camera, outdoors=True, rng=np.random.default_rng(0))
 
 
 def solid(shape, centre, half, yaw=0.0):
@@ -68,7 +64,7 @@ def way_to_hull(points, origin, ray):
 def test_flat_bodies_stand_where_linear_programming_finds_them(shape, yaw):
     body = solid(shape, (0.4, 6.0, 1.0), (1.2, 0.8, 0.7), yaw)
     camera = Camera((-0.3, 0.2, 1.5), 0.1, -0.1, 40.0, 40, 30)
-    found = seen([body], camera).depth
+    found = cast([body], camera).depth
     right, down, forward = camera.axes()
     for row, column in itertools.product(range(0, 30, 3), range(0, 40, 4)):
         ray = forward + right * (column + 0.5 - 20) / 40 + down * (row + 0.5 - 15) / 40
@@ -78,7 +74,7 @@ def test_flat_bodies_stand_where_linear_programming_finds_them(shape, yaw):
 
 
 def test_a_sphere_has_the_depth_and_size_of_the_closed_form():
-    view = seen([solid(ELLIPSOID, (0, 5, 0), (1, 1, 1))], Camera((0, 0, 0), 0, 0, 400.0, 401, 401))
+    view = cast([solid(ELLIPSOID, (0, 5, 0), (1, 1, 1))], Camera((0, 0, 0), 0, 0, 400.0, 401, 401))
     assert view.depth[200, 200] == pytest.approx(4.0, rel=1e-5)
     # Seen from distance d, a sphere of radius r fills a disc of radius f r / sqrt(d^2 - r^2).
     assert np.isfinite(view.depth).sum() == pytest.approx(np.pi * 400**2 / 24, rel=0.01)
@@ -87,7 +83,7 @@ def test_a_sphere_has_the_depth_and_size_of_the_closed_form():
 def test_the_nearer_body_hides_the_farther_and_what_is_behind_the_camera_is_not_seen():
     near = solid(BOX, (0, 3, 0), (0.5, 0.5, 0.5))._replace(segment=2)
     far, behind = solid(BOX, (0, 8, 0), (9, 0.5, 9)), solid(BOX, (0, -3, 0), (0.5, 0.5, 0.5))
-    view = seen([near, far, behind], Camera((0, 0, 0), 0, 0, 20.0, 21, 21))
+    view = cast([near, far, behind], Camera((0, 0, 0), 0, 0, 20.0, 21, 21))
     assert (view.segments[10, 10], view.depth[10, 10]) == (2, pytest.approx(2.5))
     assert (view.segments[0, 0], view.depth[0, 0]) == (1, pytest.approx(7.5))
     assert set(np.unique(view.segments)) == {1, 2}

@@ -7,8 +7,9 @@ import numpy as np
 
 from .builder import Builder
 from .relative import relative_depth
-from .render import View, render
+from .render import View, cast
 from .rooms import room
+from .shading import shade
 from .solids import Camera
 from .streets import street
 
@@ -64,42 +65,46 @@ def shoot(world: World, key: tuple[int, ...], views: int) -> list[Shot]:
     for attempt in range(_TRIES):
         rng = np.random.default_rng([world.stream, *key, attempt])
         scene, cameras = world.build(key[-1], rng, views)
-        shots = []
+        labels = [*scene.names, "sky"] if world.outdoors else scene.names
+        seen = []
         for camera in cameras:
-            view = render(scene.solids, camera, outdoors=world.outdoors, rng=rng)
-            labels = [*scene.names, "sky"] if world.outdoors else scene.names
-            shot = _shot(view, labels, camera, rng)
-            if not _worth_it(shot) and attempt < _TRIES - 1:
+            view = cast(scene.solids, camera)
+            segments, names = _segments(view, labels)
+            if attempt < _TRIES - 1 and not _worth_it(view.depth, segments, names):
                 break
-            shots.append(shot)
-        else:
-            return shots
+            seen.append((view, segments, names))
+        else:  # painted only now: what is thrown away needs no light
+            return [
+                Shot(
+                    shade(view, world.outdoors, rng),
+                    view.depth,
+                    relative_depth(view.depth, rng),
+                    segments,
+                    names,
+                    view.camera,
+                )
+                for view, segments, names in seen
+            ]
     raise AssertionError("the last attempt is always taken")
 
 
-def _shot(view: View, labels: list[str], camera: Camera, rng: np.random.Generator) -> Shot:
-    """A shot whose segments are numbered from 1, largest first, small ones left out."""
-    ids = np.where((view.segments == 0) & ("sky" in labels), len(labels), view.segments)
+def _segments(view: View, labels: list[str]) -> tuple[np.ndarray, list[str]]:
+    """Segments and labels of a shot: numbered from 1, largest first, small ones left out."""
+    found = view.segments
+    ids = np.where((found == 0) & ("sky" in labels), len(labels), found)
     pixels = np.bincount(ids.ravel(), minlength=len(labels) + 1)[1:]
     kept = [k for k in np.argsort(-pixels, kind="stable") if pixels[k] >= _SMALLEST * ids.size]
     number = np.zeros(len(labels) + 1, np.int32)
     number[[k + 1 for k in kept]] = np.arange(1, len(kept) + 1)
-    return Shot(
-        view.image,
-        view.depth,
-        relative_depth(view.depth, rng),
-        number[ids],
-        [labels[k] for k in kept],
-        camera,
-    )
+    return number[ids], [labels[k] for k in kept]
 
 
-def _worth_it(shot: Shot) -> bool:
-    if len(shot.labels) < _FEWEST or np.percentile(shot.depth, 2) < _NEAREST:
+def _worth_it(depth: np.ndarray, segments: np.ndarray, labels: list[str]) -> bool:
+    if len(labels) < _FEWEST or np.percentile(depth, 2) < _NEAREST:
         return False
-    pixels = np.bincount(shot.segments.ravel(), minlength=len(shot.labels) + 1)[1:]
-    share = pixels / shot.segments.size
+    pixels = np.bincount(segments.ravel(), minlength=len(labels) + 1)[1:]
+    share = pixels / segments.size
     return all(
         part < (_LARGEST_STUFF if label in _BACKGROUND else _LARGEST_THING)
-        for part, label in zip(share, shot.labels, strict=True)
+        for part, label in zip(share, labels, strict=True)
     )

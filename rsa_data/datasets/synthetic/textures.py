@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .shapes import Vector
+
 
 def _planks(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     row = np.floor(v / 0.14)
@@ -86,40 +88,44 @@ TEXTURES = {
     "panes": _panes,
 }
 
+_NAMES = list(TEXTURES)
+_NUMBERS = {name: number for number, name in enumerate(_NAMES)}
 _FINE = {"planks", "tiles", "bricks", "siding", "books", "stripes"}
 
 
 def textured(
     names: Sequence[str],
     index: np.ndarray,
-    local: np.ndarray,
+    local: Vector,
     half: np.ndarray,
-    normal: np.ndarray,
-    colour: np.ndarray,
+    normal: Vector,
     depth: np.ndarray,
 ) -> np.ndarray:
-    """float32 of shape (3, n): the colour of n points on solids, patterns applied.
+    """float32 of shape (n,): what the patterns multiply the colours of n points on solids by.
 
     names : the texture of each solid, "" for none.
     index : int of shape (n,), the solid that each point lies on.
-    local, half, normal : float32 of shape (3, n), m, in the solid's own frame.
-    colour : float32 of shape (3, n), 0 to 1.
+    local, normal : x, y and z, float32 of shape (n,), m, in the solid's own frame.
+    half : float32, m, half the height of each solid.
     depth : float32 of shape (n,), m; far away, patterns finer than a pixel fade.
     """
-    codes = np.array([list(TEXTURES).index(name) if name else -1 for name in names])[index]
-    paint = colour.copy()
-    for code in np.unique(codes[codes >= 0]):
-        chosen = codes == code
-        x, y, z = local[:, chosen]
-        above = z + half[2, chosen]
-        axis = np.abs(normal[:, chosen]).argmax(0)
-        u = np.where(axis == 0, y, x)
-        v = np.where(axis == 2, y, above)
-        name = list(TEXTURES)[code]
+    factors = np.ones(len(index), np.float32)
+    numbers = np.array([_NUMBERS[name] if name else -1 for name in names], np.int8)
+    codes = numbers[index]
+    for code in np.unique(numbers[numbers >= 0]):
+        chosen = np.flatnonzero(codes == code)
+        if not chosen.size:
+            continue
+        x, y, z = (axis[chosen] for axis in local)
+        nx, ny, nz = (np.abs(axis[chosen]) for axis in normal)
+        level = (nz > nx) & (nz > ny)
+        u = np.where((nx >= ny) & (nx >= nz), y, x)
+        v = np.where(level, y, z + half[index[chosen]])
+        name = _NAMES[code]
         factor = TEXTURES[name](u, v)
         if name in ("facade", "house front"):  # a flat roof has no windows
-            factor = np.where(axis == 2, 1.0, factor)
+            factor = np.where(level, 1.0, factor)
         if name in _FINE:
             factor = 0.96 + (factor - 0.96) / (1 + (depth[chosen] / 9) ** 4)
-        paint[:, chosen] *= factor.astype(np.float32)
-    return paint
+        factors[chosen] = factor
+    return factors
