@@ -157,7 +157,7 @@ def main() -> None:
         return
     rows = [[*row, None][:5] for row in rows]
     recording.table(
-        "gpu",
+        "gpu_detection",
         "Detection on a GPU",
         ("model", "images/s, whole command", "images/s of one session alone", "its TFLOP/s",
          "objects of the CPU's that agree"),
