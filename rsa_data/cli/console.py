@@ -70,19 +70,29 @@ def summary_lines(stage: str, dataset: str, summary: "Summary") -> list[str]:
             f"  {_parts(summary.done)} in {duration(summary.seconds)} ({rate:,.0f} {unit}/s)"
             + (f", {_parts(summary.kept)} kept from before" if summary.kept else "")
         )
-    else:
+    elif summary.kept:
         lines.append(f"  nothing to do: {_parts(summary.kept)} there already")
+    else:
+        lines.append("  nothing to do: the dataset has no part in this range")
     if summary.stale:
         lines.append(f"  {_parts(summary.stale)} made again because their input had changed")
     if summary.gone:
         lines.append(f"  {_parts(summary.gone)} made again because their data was gone")
     for reason, count in summary.reasons:
-        lines.append(f"  failed {count:,} times, such as: {reason}")
+        lines.append(f"  failed {_times(count)}, such as: {reason}")
+    for reason, count in summary.skips:
+        lines.append(f"  skipped {_times(count)}, such as: {reason}")
+    if summary.left:
+        lines.append(f"  not chosen by this run and still to be made: {_parts(summary.left)}")
     if summary.failed:
         lines.append("  mend the input, then: rsa-data retry-failed")
     lines += [f"  {note}" for note in summary.notes]
     lines.append(f"  in {summary.output}")
     return lines
+
+
+def _times(count: int) -> str:
+    return f"{count:,} time" + ("" if count == 1 else "s")
 
 
 def _parts(count: int) -> str:

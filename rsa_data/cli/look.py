@@ -56,8 +56,9 @@ def verify(work: str, recompute: int) -> None:
         problems += recomputing.recompute(WorkDir(work), recompute, click.echo)
     if problems:
         raise RsaDataError(
-            f"{problems} problems found. To make a bad part again, delete its receipt "
-            "(WORK/DATASET/TABLE/_part-NNNNN.json) and run the command of its table again"
+            f"{problems} problem{'' if problems == 1 else 's'} found. To make a bad part again, "
+            "delete its receipt (WORK/DATASET/TABLE/_part-NNNNN.json) and run the command of its "
+            "table again"
         )
 
 

@@ -141,6 +141,9 @@ def _only(
     kind = wanted[-1].partition("/")[0]
     found = among(names)
     if len(found) > 1:
+        # What was refused or stopped at once may have left a table without any part.
+        found = [name for name in found if work.table(dataset, name).parts()] or found
+    if len(found) > 1:
         told = ", ".join(name.partition("/")[2] for name in found)
         raise UsageError(f"{dataset}: several {kind} tables; say which by {by}: {told}")
     if found:

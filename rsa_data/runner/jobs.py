@@ -133,8 +133,9 @@ def choose(work: WorkDir, dataset: str, kind: str, wanted: str | None, option: s
         name = f"{kind}/{plain_name(wanted)}"
         if name in there:
             return name
-    elif len(there) == 1:
-        return there[0]
+    # What was refused or stopped at once may have left a table without any part.
+    elif len(with_parts := [n for n in there if work.table(dataset, n).parts()] or there) == 1:
+        return with_parts[0]
     found = ", ".join(name.removeprefix(kind + "/") for name in there) or "none"
     if wanted is None and there:
         raise UsageError(f"{dataset}: several {kind} tables: choose one with {option}: {found}")

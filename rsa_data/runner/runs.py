@@ -91,6 +91,8 @@ def run(
         seconds=time.monotonic() - begun,
         worked=worked,
         reasons=reasons(job, there) if total["failed"] else [],
+        skips=reasons(job, there, "skipped") if total["skipped"] else [],
+        left=len(set(output.missing()) - set(numbers)),
         notes=parts.notes(job, there) if tasks else [],
         noun=job.declared.noun,
         **{k: total[k] for k in _SUMS},

@@ -8,7 +8,8 @@ from pathlib import PurePosixPath
 import pyarrow.compute as pc
 
 from ..common.errors import RsaDataError, UsageError
-from ..store.tables import Receipt, WorkDir
+from ..store import schemas
+from ..store.tables import Receipt, Table, WorkDir
 from .jobs import Job
 
 
@@ -63,22 +64,34 @@ def accounted(job: Job, numbers: list[int]) -> Iterator[Receipt]:
         yield receipt
 
 
-def reasons(job: Job, numbers: list[int], most: int = 3) -> list[tuple[str, int]]:
-    """The most frequent reasons of failed rows, with how often each occurs.
+def reasons(
+    job: Job, numbers: list[int], status: str = "failed", most: int = 3
+) -> list[tuple[str, int]]:
+    """The most frequent reasons of failed or skipped rows, with how often each occurs.
 
-    Reasons that differ by file name and numbers only count as one, told by its first row.
+    Reasons that differ by file name and numbers only count as one, told by its first row. Rows that
+    were skipped since an earlier stage has none of them have no reason here.
     """
     first: dict[str, str] = {}
     counts: Counter[str] = Counter()
     table = job.table(job.output)
     for number in numbers:
-        if not table.receipt(number).failed:
+        if not getattr(table.receipt(number), status):
             continue
+        if status == "skipped" and not _tells_rows(table):
+            return []
         part = table.read(number, columns=["sample_id", "status", "error"])
-        for row in part.filter(pc.equal(part["status"], "failed")).to_pylist():
+        for row in part.filter(pc.equal(part["status"], status)).to_pylist():
+            if row["error"] is None:
+                continue
             name = PurePosixPath(row["sample_id"]).name
             kind = re.sub(r"\d+", "0", re.sub(r"\S*" + re.escape(name) + r"\S*", "", row["error"]))
             first.setdefault(kind, row["error"])
             counts[kind] += 1
     order = sorted(counts, key=lambda kind: (-counts[kind], first[kind]))
     return [(first[kind], counts[kind]) for kind in order[:most]]
+
+
+def _tells_rows(table: Table) -> bool:
+    """Whether rows have a status; what is skipped in other tables has no row there."""
+    return "error" in schemas.schema(table.description().schema).names

@@ -22,6 +22,8 @@ class Summary:
         made again because their input had changed; gone : because their data was gone; undone :
         parts left for a later run, with why.
     rows, ok, failed, skipped, bytes : of the selected parts. seconds : of this run.
+    reasons, skips : why rows failed and were skipped, with how often.
+    left : parts of the table that a run of other parts has still to make.
     worked : samples or texts that this run accounted for, for the rate.
     notes : what the stage has to say of its output, in sentences.
     noun : what is counted, such as samples.
@@ -41,10 +43,12 @@ class Summary:
     seconds: float
     worked: int
     reasons: list[tuple[str, int]]
+    skips: list[tuple[str, int]]
+    left: int
     notes: list[str]
     noun: str = "samples"
 
     @staticmethod
     def nothing(output: str) -> "Summary":
         """The summary where nothing was run."""
-        return Summary(output, 0, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [])
+        return Summary(output, 0, 0, 0, 0, {}, 0, 0, 0, 0, 0, 0.0, 0, [], [], 0, [])

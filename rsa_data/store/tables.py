@@ -166,7 +166,8 @@ class Table(Receipts):
         """Begins the table, or checks that what made it is what would continue it.
 
         description : a Description, or the structure that stands in its place for heads.
-        Raises RsaDataError naming each difference. `made_with` is for information only.
+        Raises RsaDataError naming each difference; `made_with` is for information only. Without any
+        part it is begun anew, and a run that is at its first part sees that before it commits.
         """
         self.store.sweep(self.path)
         self.store.create(self.helper(TABLE), to_json(description))
@@ -178,7 +179,10 @@ class Table(Receipts):
             )
             if not where.startswith("made_with")
         ]
-        if different:
+        if different and isinstance(description, Description) and not self.parts():
+            self.start_over()
+            self.store.create(self.helper(TABLE), to_json(description))
+        elif different:
             raise RsaDataError(
                 f"{self} was made with other options. " + "; ".join(different) + ". Use the same "
                 "options, another --work, or --start-over to delete this table and make it again."

@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 from PIL import Image
 
+from rsa_data.cli.console import summary_lines
 from rsa_data.cli.main import cli
 from rsa_data.common.errors import RsaDataError, UsageError
 from rsa_data.embeddings.runtime import native_precision
@@ -288,6 +289,30 @@ def test_two_commands_with_other_options_at_once_do_not_mix(tmp_path):
     with pytest.raises(RsaDataError, match="another run changed the input or the options"):
         parts.run_part(job, step, description, 0)
     assert table.parts() == []
+
+
+def test_what_was_refused_does_not_stand_in_the_way(tmp_path):
+    """A call that fails before its first part leaves nothing that the right call must delete."""
+    work = rooms.made(tmp_path, parts=2)
+    table = work.table("rooms", "captions/occupancy")
+    table.bind(fingerprints.describe(rooms.captions_job(work, variants=2)))
+    assert jobs.choose(work, "rooms", "captions", None, "--style") == "captions/occupancy"
+    work.table("rooms", "captions/other").bind(fingerprints.describe(rooms.captions_job(work)))
+    assert captions(work).done == 2
+    assert table.description().options["variants"] == 5
+    # The other one, without any part, is no choice.
+    assert jobs.choose(work, "rooms", "captions", None, "--style") == "captions/occupancy"
+    with pytest.raises(RsaDataError, match="made with other options"):
+        runs.run(rooms.captions_job(work, variants=2), bar=rooms.NoBar)
+
+
+def test_a_range_says_what_it_leaves(tmp_path):
+    work = rooms.made(tmp_path, parts=3)
+    some = runs.run(rooms.captions_job(work), part_range=(0, 1), bar=rooms.NoBar)
+    assert (some.done, some.left) == (1, 2)
+    assert "still to be made: 2 parts" in "\n".join(summary_lines("captions", "rooms", some))
+    none = runs.run(rooms.captions_job(work), part_range=(7, 9), bar=rooms.NoBar)
+    assert "no part in this range" in "\n".join(summary_lines("captions", "rooms", none))
 
 
 def test_failed_rows_are_tried_again_on_request(tmp_path):

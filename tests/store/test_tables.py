@@ -178,6 +178,7 @@ def test_the_log_of_a_run_says_how_it_ended(tmp_path, ends):
 
 
 def test_other_options_are_refused_by_name(table):
+    table.commit(0, embeddings(), COUNTS)
     table.bind(replace(DESCRIPTION, made_with={"numpy": "another"}))
     with pytest.raises(RsaDataError, match=r'options.encoder: the table has "a", this run has "b"'):
         table.bind(replace(DESCRIPTION, options={"encoder": "b"}))
