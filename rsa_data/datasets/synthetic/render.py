@@ -5,8 +5,8 @@ from itertools import groupby
 
 import numpy as np
 
-from .shapes import Bodies, Vector, bodies, enter, normals, picked
-from .solids import Camera, Solid
+from .shapes import Bodies, Rays, Vector, at, bodies, enter, normals
+from .solids import BOX, ELLIPSOID, GABLE, Camera, Solid
 
 _NEAR = 0.05  # m, nothing is nearer to a camera than this
 
@@ -50,7 +50,7 @@ def cast(solids: list[Solid], camera: Camera) -> View:
         y0, x0 = min(tops), min(lefts)
         x, y, z = rays[:, y0 : max(bottoms), x0 : max(rights)]
         # A camera does not roll: z is the same along a row.
-        turned = table.local(run[0], (x, y, z[:, :1]))
+        turned = Rays.of(table.turn(run[0], (x, y, z[:, :1])))
         for i in run:
             top, bottom, left, right = windows[i]
             window = slice(top, bottom), slice(left, right)
@@ -69,19 +69,18 @@ def facing(view: View, i: np.ndarray, rays: Vector, depth: np.ndarray) -> Vector
 
     i : int of shape (n,), the solid that each of n rays ends on, at this depth, m.
     """
-    normal = np.empty((3, len(i)), np.float32)
-    for shape in {s.shape for s in view.solids}:
-        mask = np.array([s.shape == shape for s in view.solids])[i]
-        if not mask.any():
-            continue
-        here = picked(mask)
-        own = i[here]
-        x, y, z = (ray[here] for ray in rays)
-        origin, half = view.bodies.place(own)
-        found = normals(shape, origin, view.bodies.local(own, (x, y, z)), half, depth[here])
-        for axis, values in zip(normal, found, strict=True):
-            axis[here] = values
-    return normal[0], normal[1], normal[2]
+    origin, half = view.bodies.place(i)
+    along = view.bodies.turn(i, rays)
+    # Taken for boxes first, as most are: picking those out would take longer.
+    normal = normals(BOX, origin, along, half, depth)
+    for shape in (ELLIPSOID, GABLE):
+        here = np.flatnonzero(np.array([s.shape == shape for s in view.solids])[i])
+        if here.size:
+            o, a, h = at(origin, here), at(along, here), at(half, here)
+            found = normals(shape, o, a, h, depth[here])
+            for axis, values in zip(normal, found, strict=True):
+                axis[here] = values
+    return normal
 
 
 def _rays(camera: Camera) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .render import View, facing
-from .shapes import Vector, picked, turned
+from .shapes import Vector, at, picked, turned
 from .solids import Solid
 from .textures import textured
 
@@ -18,13 +18,13 @@ def shade(view: View, outdoors: bool, rng: np.random.Generator) -> np.ndarray:
     """
     import cv2
 
-    solids, position = view.solids, view.camera.position
+    solids = view.solids
     hit = picked(view.index.ravel() >= 0)
     i = view.index.ravel()[hit].astype(np.intp)
     depth = view.depth.ravel()[hit]
-    rx, ry, rz = (axis.ravel()[hit] for axis in view.rays)
-    point = rx * depth, ry * depth, rz * depth
-    for axis, start in zip(point, position, strict=True):
+    rays = at(view.rays.reshape(3, -1), hit)
+    point = rays[0] * depth, rays[1] * depth, rays[2] * depth
+    for axis, start in zip(point, view.camera.position, strict=True):
         axis += np.float32(start)
     centre, half, colour, yaw = (
         np.array([getattr(s, name) for s in solids], np.float32).T
@@ -32,7 +32,7 @@ def shade(view: View, outdoors: bool, rng: np.random.Generator) -> np.ndarray:
     )
     c, s = np.cos(yaw)[i], np.sin(yaw)[i]
     x, y, z = (axis - middle[i] for axis, middle in zip(point, centre, strict=True))
-    n = facing(view, i, (rx, ry, rz), depth)
+    n = facing(view, i, rays, depth)
     pattern = textured([s.texture for s in solids], i, (*turned(c, s, x, y), z), half[2], n, depth)
     n = c * n[0] - s * n[1], s * n[0] + c * n[1], n[2]
     light = (
@@ -110,5 +110,4 @@ def _smooth_edges(canvas: np.ndarray, index: np.ndarray) -> np.ndarray:
     edge[:, 1:] |= index[:, 1:] != index[:, :-1]
     edge[1:] |= index[1:] != index[:-1]
     soft = cv2.GaussianBlur(canvas, (3, 3), 0.8)
-    canvas[edge] = soft[edge]
-    return canvas
+    return np.asarray(cv2.copyTo(soft, edge.view(np.uint8), canvas))

@@ -15,10 +15,14 @@ Vector = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Rays(NamedTuple):
-    """Directions of rays, and 1 over them: boxes need nothing else, and a division is slow."""
+    """Directions of rays, and 1 over them: all that boxes need, and dividing is slow."""
 
     along: Vector
     inverse: Vector
+
+    @classmethod
+    def of(cls, along: Vector) -> "Rays":
+        return cls(along, _each(_inverse, along))
 
     def part(self, rows: slice, columns: slice) -> "Rays":
         """A window of rays whose x and y are of shape (h, w) and whose z is of shape (h, 1)."""
@@ -39,21 +43,22 @@ class Bodies(NamedTuple):
 
     def place(self, i: int | np.ndarray) -> tuple[Vector, Vector]:
         """Origin and half of one solid, or of one for each ray."""
-        return _each(lambda row: row[i], self.origin), _each(lambda row: row[i], self.half)
+        return at(self.origin, i), at(self.half, i)
 
-    def local(self, i: int | np.ndarray, rays: Vector) -> Rays:
+    def turn(self, i: int | np.ndarray, rays: Vector) -> Vector:
         """Rays of the world in the frame of one solid, or each in that of its own."""
         x, y, z = rays
-        along = (*turned(self.cos[i], self.sin[i], x, y), z)
-        return Rays(along, _each(_inverse, along))
+        return (*turned(self.cos[i], self.sin[i], x, y), z)
 
 
 def bodies(solids: list[Solid], position: tuple[float, float, float]) -> Bodies:
+    """The table of solids as seen from a position in the world, m."""
     cos = np.array([np.cos(s.yaw) for s in solids], np.float32)
     sin = np.array([np.sin(s.yaw) for s in solids], np.float32)
     x, y, z = np.subtract(position, [s.centre for s in solids]).T
     origin = np.array([*turned(cos, sin, x, y), z], np.float32)
-    return Bodies(origin, np.array([s.half for s in solids], np.float32).T, cos, sin)
+    half = np.ascontiguousarray(np.array([s.half for s in solids], np.float32).T)
+    return Bodies(origin, half, cos, sin)
 
 
 def turned(
@@ -61,6 +66,12 @@ def turned(
 ) -> tuple[np.ndarray, np.ndarray]:
     """x and y of the world along the axes of what is turned by an angle."""
     return cos * x + sin * y, cos * y - sin * x
+
+
+def at(vectors: Iterable[np.ndarray], i: int | np.ndarray | slice) -> Vector:
+    """Some of many vectors, x, y and z of each in an array."""
+    x, y, z = (axis[i] for axis in vectors)
+    return x, y, z
 
 
 def picked(mask: np.ndarray) -> np.ndarray | slice:
@@ -73,9 +84,9 @@ def enter(shape: str, origin: Vector, rays: Rays, half: Vector) -> tuple[np.ndar
     return _ENTER[shape](origin, rays, half)
 
 
-def normals(shape: str, origin: Vector, rays: Rays, half: Vector, depth: np.ndarray) -> Vector:
-    """Unit vectors out of the surface, where rays enter at this depth."""
-    return _NORMALS[shape](origin, rays, half, depth)
+def normals(shape: str, origin: Vector, along: Vector, half: Vector, depth: np.ndarray) -> Vector:
+    """Unit vectors out of the surface, where rays enter at this depth, which `enter` gave."""
+    return _NORMALS[shape](origin, along, half, depth)
 
 
 def _each(f: Callable[..., np.ndarray], *vectors: Iterable[np.ndarray]) -> Vector:
@@ -106,29 +117,32 @@ def _enter_box(origin: Vector, rays: Rays, half: Vector) -> tuple[np.ndarray, np
     return np.maximum(near, z[0], out=near), np.minimum(far, z[1], out=far)
 
 
-def _box_normals(origin: Vector, rays: Rays, half: Vector, depth: np.ndarray) -> Vector:
-    x, y, z = (near for near, _ in map(_slab, origin, rays.inverse, half))
-    along_x = (x >= y) & (x >= z)
-    along_y = (y >= z) & ~along_x
-    chosen = (along_x, along_y, ~(along_x | along_y))
-    return _each(lambda on, ray: np.where(on, -np.sign(ray), np.float32(0)), chosen, rays.along)
+def _box_normals(origin: Vector, along: Vector, half: Vector, depth: np.ndarray) -> Vector:
+    """Along the axis whose slab the ray entered last: the depth is that slab's to the bit."""
+    on_x, on_y = (
+        _slab(o, _inverse(ray), h)[0] >= depth
+        for o, ray, h in zip(origin[:2], along[:2], half[:2], strict=True)
+    )
+    on_y &= ~on_x
+    chosen = (on_x, on_y, ~(on_x | on_y))
+    return _each(lambda on, ray: np.where(on, -np.sign(ray), np.float32(0)), chosen, along)
 
 
-def _unit_sphere(origin: Vector, rays: Rays, half: Vector) -> tuple[Vector, Vector]:
-    return _each(np.divide, origin, half), _each(np.divide, rays.along, half)
+def _unit_sphere(origin: Vector, along: Vector, half: Vector) -> tuple[Vector, Vector]:
+    return _each(np.divide, origin, half), _each(np.divide, along, half)
 
 
 def _enter_ellipsoid(origin: Vector, rays: Rays, half: Vector) -> tuple[np.ndarray, np.ndarray]:
     """The unit sphere after scaling by 1 / half."""
-    o, d = _unit_sphere(origin, rays, half)
+    o, d = _unit_sphere(origin, rays.along, half)
     a, b, c = _dot(d, d), _dot(o, d), _dot(o, o) - 1
     root = b * b - a * c
     t = (-b - np.sqrt(np.maximum(root, 0))) / a
     return t, np.where(root > 0, np.float32(np.inf), np.float32(-np.inf))
 
 
-def _ellipsoid_normals(origin: Vector, rays: Rays, half: Vector, depth: np.ndarray) -> Vector:
-    o, d = _unit_sphere(origin, rays, half)
+def _ellipsoid_normals(origin: Vector, along: Vector, half: Vector, depth: np.ndarray) -> Vector:
+    o, d = _unit_sphere(origin, along, half)
     normal = _each(lambda o, d, h: (o + depth * d) / h, o, d, half)
     length = np.maximum(np.sqrt(_dot(normal, normal)), 1e-9)
     return _each(lambda n: n / length, normal)
@@ -143,9 +157,9 @@ def _gable_faces(half: Vector) -> list[tuple[tuple[np.ndarray | float, ...], np.
     return [*ends, *(((0.0, sign * side, up), hz * up) for sign in (-1, 1))]
 
 
-def _clip_gable(origin: Vector, rays: Rays, half: Vector) -> tuple[np.ndarray, ...]:
+def _clip_gable(origin: Vector, along: Vector, half: Vector) -> tuple[np.ndarray, ...]:
     """Depth of the way in and of the way out, and the normal on the way in, (3, ...)."""
-    x, y, z = rays.along
+    x, y, z = along
     shape = np.broadcast_shapes(x.shape, z.shape)
     entry = np.full(shape, -np.inf, np.float32)
     leave = np.full(shape, np.inf, np.float32)
@@ -163,12 +177,12 @@ def _clip_gable(origin: Vector, rays: Rays, half: Vector) -> tuple[np.ndarray, .
 
 
 def _enter_gable(origin: Vector, rays: Rays, half: Vector) -> tuple[np.ndarray, np.ndarray]:
-    entry, leave, _ = _clip_gable(origin, rays, half)
+    entry, leave, _ = _clip_gable(origin, rays.along, half)
     return entry, leave
 
 
-def _gable_normals(origin: Vector, rays: Rays, half: Vector, depth: np.ndarray) -> Vector:
-    return _each(np.asarray, _clip_gable(origin, rays, half)[2])
+def _gable_normals(origin: Vector, along: Vector, half: Vector, depth: np.ndarray) -> Vector:
+    return _each(np.asarray, _clip_gable(origin, along, half)[2])
 
 
 _ENTER = {BOX: _enter_box, ELLIPSOID: _enter_ellipsoid, GABLE: _enter_gable}

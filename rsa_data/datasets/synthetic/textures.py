@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .shapes import Vector
+from .shapes import Vector, at
 
 
 def _planks(u: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -55,17 +55,19 @@ def _stripes(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def _facade(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Windows of about 1.3 m by 1.5 m, 2.6 m apart, a storey every 3 m."""
-    pane = (np.abs(np.mod(u, 2.6) - 1.3) < 0.62) & (np.abs(np.mod(v, 3.0) - 1.75) < 0.75)
-    frame = (np.abs(np.mod(u, 2.6) - 1.3) < 0.72) & (np.abs(np.mod(v, 3.0) - 1.75) < 0.85)
+    across, up = np.abs(np.mod(u, 2.6) - 1.3), np.abs(np.mod(v, 3.0) - 1.75)
+    pane = (across < 0.62) & (up < 0.75)
+    frame = (across < 0.72) & (up < 0.85)
     lit = 0.40 + 0.16 * np.mod(np.floor(u / 2.6) * 0.618 + np.floor(v / 3.0) * 0.414, 1)
     return np.where(pane, lit, np.where(frame, 1.15, 1.0))
 
 
 def _house_front(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """As _facade with wider gaps; v counts from the ground."""
-    pane = (np.abs(np.mod(u, 3.2) - 1.6) < 0.6) & (np.abs(np.mod(v, 2.9) - 1.6) < 0.6)
-    frame = (np.abs(np.mod(u, 3.2) - 1.6) < 0.72) & (np.abs(np.mod(v, 2.9) - 1.6) < 0.72)
-    bar = np.abs(np.mod(u, 3.2) - 1.6) < 0.05
+    across, up = np.abs(np.mod(u, 3.2) - 1.6), np.abs(np.mod(v, 2.9) - 1.6)
+    pane = (across < 0.6) & (up < 0.6)
+    frame = (across < 0.72) & (up < 0.72)
+    bar = across < 0.05
     return np.where(pane & ~bar, 0.42, np.where(frame, 1.2, 1.0))
 
 
@@ -116,8 +118,8 @@ def textured(
         chosen = np.flatnonzero(codes == code)
         if not chosen.size:
             continue
-        x, y, z = (axis[chosen] for axis in local)
-        nx, ny, nz = (np.abs(axis[chosen]) for axis in normal)
+        x, y, z = at(local, chosen)
+        nx, ny, nz = map(np.abs, at(normal, chosen))
         level = (nz > nx) & (nz > ny)
         u = np.where((nx >= ny) & (nx >= nz), y, x)
         v = np.where(level, y, z + half[index[chosen]])
