@@ -137,14 +137,11 @@ class Table(Receipts):
             return self.read(number, columns, receipt=newer, check=check)
         if size != wanted.bytes:
             found = "no file" if size is None else f"{size} bytes"
+            mend = "Run `rsa-data verify`; delete the receipt to make the part again"
+            mend = "Run the command of this table again to make it" if size is None else mend
             raise RsaDataError(
                 f"{self}: part {number}: expected {wanted.bytes} bytes, as its receipt says; "
-                f"found {found}. "
-                + (
-                    "Run the command of this table again to make it"
-                    if size is None
-                    else "Run `rsa-data verify`; delete the receipt to make the part again"
-                )
+                f"found {found}. {mend}"
             )
         try:
             with self.store.open(path) as file:
