@@ -1,4 +1,4 @@
-"""CPU time and peak memory of every kind of command as a work dir grows.
+"""CPU time and peak memory of commands as a work dir grows, without those that run models.
 
     python benchmarks/growth.py [--rows 10000,100000,1000000] [--folder DIR] [--more]
 

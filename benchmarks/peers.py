@@ -13,6 +13,8 @@ and what they find is compared.
 --peer-python : a Python with the packages of the extra `peers`; some of them want other versions
     of packages than this project, so that a virtual environment of its own is the safe way.
 --minilm : all-MiniLM-L6-v2 with onnx/model.onnx beside model.safetensors.
+--shared : real data: models/yolox_nano.onnx, rgbd/ with photos and depth maps, and
+    rsa_release/nyu-{train,test}.tar.xz, the folder `text` of the RSA repository.
 --more : add rounds to those of the last run on the same machine with the same versions.
 --small : a tiny amount of work, to see that everything runs; writes no results.
 """
@@ -79,6 +81,10 @@ def main() -> None:
     given = parser.parse_args()
     # As pip does when it installs a package; a checkout may have no bytecode.
     compileall.compile_dir(Path(rsa_data.__file__).parent, quiet=1)
+    if not given.shared.is_dir():
+        sys.exit(
+            f"--shared: expected a folder of real data (see the docstring); none at {given.shared}"
+        )
     if unknown := set(given.rows.split(",")) - set(ROWS):
         sys.exit(f"--rows: expected some of {', '.join(ROWS)}; found {', '.join(unknown)}")
     place: Any = (

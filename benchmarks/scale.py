@@ -1,7 +1,7 @@
 """Throughput of workers, local and Ray; each also killed in the middle and run again.
 
     python benchmarks/scale.py [--parts 24] [--rows 150] [--workers 1,2,4] [--engines local,ray]
-        [--images DIR --model yolox_nano.onnx] [--no-kill]
+        [--images DIR --model yolox_nano.onnx] [--no-kill] [--record]
 
 The stage is embed with the MiniLM encoder over captions made here, or, with --images, detect with
 YOLOX nano over the images of a folder, --rows of them a part; one thread a worker. It prints rows a
@@ -93,6 +93,7 @@ def main() -> int:
     parser.add_argument("--images", type=Path)
     parser.add_argument("--model", type=Path)
     parser.add_argument("--no-kill", action="store_true")
+    parser.add_argument("--record", action="store_true", help="write benchmarks/results/scale.json")
     given = parser.parse_args()
     if given.images:
         case = detect(given.images, given.model, given.parts, given.rows)
@@ -100,6 +101,9 @@ def main() -> int:
         case = embed(given.parts, given.rows)
     expected: list[str] = []
     bad, table = 0, []
+    print(
+        f"engine, workers, {case.unit}/s of all, {case.unit}/s once begun, start in s, same bytes"
+    )
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before this began")
     for engine in given.engines.split(","):
         for workers in map(int, given.workers.split(",")):
@@ -124,13 +128,15 @@ def main() -> int:
                 table.append((engine, workers, round(sum(rows) / seconds, 1), round(rate, 1),
                               round(start, 1), "yes" if same and resumed else "no"))  # fmt: skip
                 print(*table[-1], flush=True)
+    if not given.record:
+        return 1 if bad else 0
     recording.table(
         "scale",
         f"Workers, {case.words[0]}",
         ("engine", "workers", f"{case.unit}/s, whole", f"{case.unit}/s, once begun", "start, s",
          "same bytes"),
         table,
-        note=f"{given.parts} parts, one thread a worker. "
+        note=f"{given.parts} parts of {given.rows} {case.unit}, one thread a worker. "
         + ("" if given.no_kill else "Each was also killed at half of its parts and run again."),
         packages=("ray",),
     )  # fmt: skip
