@@ -130,7 +130,7 @@ def performance() -> str:
             parts.append(f"![{first}](img/{name}.svg)\n")
         parts += [_lowered(text) + "\n" for text in texts]
     gpus = [m for m in machines if "no GPU" not in m]
-    parts.append("## Not measured\n")
+    parts.append("## Without a table\n")
     if not gpus:
         parts.append("No figure on this page was made on a GPU.\n")
     parts.append("These scripts have left no table:\n")

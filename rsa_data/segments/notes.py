@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from ..common.cards import card_of, read_card
 from ..common.errors import RsaDataError
 from . import onnx
+from .recognised import Recognised
 
 COLUMNS = ("status", "label", "score")
 
@@ -32,8 +33,8 @@ def write(
     """Sentences on the model and on the classes that some parts of the table hold."""
     lines = []
     if segments == "onnx" and segmenter_weights is not None and card is None:
-        told = onnx.recognised_file(segmenter_weights, names).told
-        lines.append(f"{segmenter_weights.name}: read as {told}")
+        read = onnx.recognised_file(segmenter_weights, names)
+        lines.append(f"{segmenter_weights.name}: read as {read.told}{_threshold(read, options)}")
     elif segmenter_weights is not None:
         lines += _another_file(segments, segmenter_weights, card)
     images = Counter[str]()
@@ -78,3 +79,10 @@ def _another_file(segments: str, weights: Path, card: Path | None) -> list[str]:
         f"(sha256 {found[:12]}..., not {wanted[:12]}...): "
         f"colours, scale or classes may differ; {_LOOK}"
     ]
+
+
+def _threshold(read: Recognised, options: dict[str, Any]) -> str:
+    """From which score on objects were kept, where there is such a limit."""
+    given = options.get("score_threshold")
+    used = read.card.settings["decoder"].get("score_threshold") if given is None else given
+    return "" if used is None else f"; kept from a score of {used:g}"
