@@ -155,7 +155,7 @@ def _write_shot(root: Path, split: str, key: str, shot: Shot, units: int) -> Non
     # Ids spread over the colours, so that the map can be looked at; 0 stays nothing.
     ids = np.array([0, *(_id(k) for k in range(len(shot.labels)))])
     colours = np.stack([ids >> 16, ids >> 8 & 255, ids & 255], -1).astype(np.uint8)  # B, G, R
-    files.write(root / split / "panoptic" / f"{key}.png", _png(colours[shot.segments]))
+    files.write(root / split / "panoptic" / f"{key}.png", _png(colours.take(shot.segments, 0)))
     pixels = np.bincount(shot.segments.ravel(), minlength=len(shot.labels) + 1)[1:]
     focal = shot.camera.focal
     record = {
