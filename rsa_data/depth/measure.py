@@ -217,7 +217,7 @@ STAGE = Stage(
     build=build,
     help="""Run a relative-depth model, or read its files.
 
-    The relative depth is stored beside the ground truth.
+    The relative depth is stored beside the ground truth; images without any are skipped.
 
     \b
       rsa-data depth --dataset nyuv2 --depth-model depth-anything-v2-small
