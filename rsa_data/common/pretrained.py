@@ -1,6 +1,7 @@
 """Models and tokenizers from folders of transformers: local files, safetensors, nothing missing."""
 
 import logging
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ Ids = Sequence[Sequence[int]]
 
 # What a folder may hold that decides features. Pickled weights (.bin, .pt) are not among them, and
 # neither is code.
+_LAYER = re.compile(r"\blayers?\.\d+\.")
 _PATTERNS = ("*.json", "*.safetensors", "*.txt", "*.model")
 
 
@@ -61,11 +63,13 @@ def folder_files(folder: Path) -> dict[str, Path]:
     return names
 
 
-def load_model(kind: Any, folder: Path) -> Any:
+def load_model(kind: Any, folder: Path, *, whole: bool = False) -> Any:
     """An instance of a transformers class with all its weights, float32.
 
+    whole : also refuse weights of layers that this transformers does not compute.
     Raises RsaDataError when the folder holds another architecture or its weights are damaged:
-    transformers itself would fill what is missing with random numbers and only warn.
+    transformers itself would fill what is missing with random numbers and only warn. Code that a
+    folder brings is never run.
     """
     import torch
 
@@ -75,18 +79,25 @@ def load_model(kind: Any, folder: Path) -> Any:
                 str(folder),
                 local_files_only=True,
                 use_safetensors=True,
+                trust_remote_code=False,
                 dtype=torch.float32,
                 output_loading_info=True,
             )
         # Damaged files and odd configurations surface as errors of many kinds.
         except Exception as error:
-            reason = str(error).strip().partition("\n")[0] or type(error).__name__
-            raise RsaDataError(f"{folder}: the model cannot be loaded: {reason}") from error
+            raise RsaDataError(f"{folder}: the model cannot be loaded: {_reason(error)}") from error
     wrong = sorted(map(str, {*report["missing_keys"], *report["mismatched_keys"]}))
     if wrong:
         raise RsaDataError(
             f"{folder}: expected the weights of {kind.__name__}: {wrong[0]} is missing or of "
             f"another shape{f', and {len(wrong) - 1} more' if len(wrong) > 1 else ''}"
+        )
+    # Heads for other tasks are left over, as they should be; a layer's weights are not.
+    over = [name for name in map(str, report["unexpected_keys"]) if _LAYER.search(name)]
+    if whole and over:
+        raise RsaDataError(
+            f"{folder}: expected an architecture that this transformers computes; the weights "
+            f"{min(over)} have no use in it"
         )
     for name, parameter in model.named_parameters():
         if not torch.isfinite(parameter).all():
@@ -105,10 +116,13 @@ def tokenize_with(
 
     with _quiet():
         try:
-            tokenizer = AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
+            tokenizer = AutoTokenizer.from_pretrained(
+                str(folder), local_files_only=True, trust_remote_code=False
+            )
         except Exception as error:
-            reason = str(error).strip().partition("\n")[0] or type(error).__name__
-            raise RsaDataError(f"{folder}: the tokenizer cannot be loaded: {reason}") from error
+            raise RsaDataError(
+                f"{folder}: the tokenizer cannot be loaded: {_reason(error)}"
+            ) from error
     padding = "max_length" if fill else False
 
     def encode(texts: list[str]) -> tuple[Ids, np.ndarray]:
@@ -121,6 +135,14 @@ def tokenize_with(
         return ids["input_ids"], np.array([len(row) > max_tokens for row in whole], bool)
 
     return encode
+
+
+def _reason(error: Exception) -> str:
+    """What transformers says, in one line."""
+    said = " ".join(str(error).split())
+    if "trust_remote_code" in said:
+        return "it brings code of its own, which is never run"
+    return said[:300] or type(error).__name__
 
 
 @contextmanager

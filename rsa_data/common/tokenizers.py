@@ -13,6 +13,7 @@ import numpy as np
 from . import clip_bpe, typed
 from . import minilm as minilm_model
 from .errors import RsaDataError
+from .sentence_folders import max_tokens
 
 # More tokens than any encoder reads.
 Limit = Annotated[int, msgspec.Meta(ge=1, le=2**14)]
@@ -61,7 +62,6 @@ class Tokenizer:
 class _Config(msgspec.Struct, frozen=True):
     """What the files of a model's folder say of the tokens that it reads."""
 
-    max_seq_length: Limit | None = None
     max_position_embeddings: Limit | None = None
     text_config: "_Config | None" = None
 
@@ -144,11 +144,8 @@ def _from_json(content: bytes) -> tuple[Callable[[Sequence[str]], list[list[int]
 
 def _limit(folder: Path) -> int:
     """The most tokens that the model of a folder reads, by what its files say."""
-    sentence = folder / "sentence_bert_config.json"
-    if sentence.is_file():
-        if (limit := _read(sentence).max_seq_length) is None:
-            raise RsaDataError(f"{sentence}: expected max_seq_length, found nothing")
-        return limit
+    if (folder / "modules.json").is_file() or (folder / "sentence_bert_config.json").is_file():
+        return max_tokens(folder)
     config = _read(folder / "config.json")
     for part in (config.text_config, config):
         if part is not None and part.max_position_embeddings is not None:

@@ -1,89 +1,40 @@
 """Sentence encoders from a folder in the layout of sentence-transformers, and MiniLM as one.
 
-What the folder says is what is computed: modules.json lists the steps behind the transformer
-(pooling, normalisation), 1_Pooling/config.json the pooling, sentence_bert_config.json the tokens
-that are read.
+What the folder says is what is computed; see common/sentence_folders.py.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..common import forms, minilm
+from ..common import minilm
 from ..common.errors import RsaDataError
 from ..common.pretrained import folder_files, load_model
+from ..common.sentence_folders import Layout, layout
 from .batches import LENGTH_AXES, by_length
 from .encoder import Encoder, Ids, TextModel
-
-_NEEDED = (
-    "config.json",
-    "modules.json",
-    "sentence_bert_config.json",
-    "tokenizer.json",
-    "1_Pooling/config.json",
-)
 
 
 def load(files: dict[str, Path]) -> TextModel:
     """The encoder of the files that `pretrained.folder_files` names.
 
-    Raises RsaDataError when the folder lacks a file, or asks for steps that are not known here.
+    Raises RsaDataError when the folder lacks a file, or asks for what is not computed here.
     """
-    if missing := [name for name in _NEEDED if name not in files]:
-        raise RsaDataError(
-            f"{files['config.json'].parent}: expected a sentence encoder in the layout of "
-            f"sentence-transformers; {missing[0]} is not there"
-        )
-    pooling = _pooling(files["1_Pooling/config.json"])
-    steps = [
-        module["type"].rsplit(".", 1)[-1]
-        for module in _json(files["modules.json"], [{"type": "text"}])
-    ]
-    if steps not in (["Transformer", "Pooling"], ["Transformer", "Pooling", "Normalize"]):
-        raise RsaDataError(
-            f"{files['modules.json']}: expected a transformer, pooling and perhaps normalisation; "
-            f"found {', '.join(steps)}"
-        )
-    form = {"max_seq_length": "a side in px"}
-    max_tokens = _json(files["sentence_bert_config.json"], form)["max_seq_length"]
-    normalized = steps[-1] == "Normalize"
-    width = _json(files["config.json"], {"hidden_size": "a side in px"})["hidden_size"]
+    said = layout(files)
     return TextModel(
-        network=lambda: _module(files, pooling, normalized),
-        tokenize=_tokenize(files["tokenizer.json"], max_tokens),
+        network=lambda: _module(files, said),
+        tokenize=_tokenize(files["tokenizer.json"], said),
         batches=by_length,
         budget=1024,
         axes=LENGTH_AXES,
-        dim=width,
-        normalized=normalized,
+        dim=said.width,
+        normalized=said.normalized,
     )
 
 
-def _json(path: Path, form: Any) -> Any:
-    try:
-        return forms.check(json.loads(path.read_text("utf-8")), form, str(path))
-    except (OSError, ValueError, RecursionError) as error:
-        raise RsaDataError(f"{path}: expected JSON: {error}") from error
-
-
-def _pooling(path: Path) -> str:
-    chosen = [
-        key.removeprefix("pooling_mode_")
-        for key, on in _json(path, "an object").items()
-        if key.startswith("pooling_mode_") and on is True
-    ]
-    if chosen not in (["mean_tokens"], ["cls_token"], ["max_tokens"]):
-        raise RsaDataError(
-            f"{path}: expected pooling of mean_tokens, cls_token or max_tokens; "
-            f"found {', '.join(chosen) or 'none'}"
-        )
-    return str(chosen[0])
-
-
-def _tokenize(path: Path, max_tokens: int) -> Any:
+def _tokenize(path: Path, said: Layout) -> Any:
     from tokenizers import Tokenizer
 
     try:
@@ -91,10 +42,11 @@ def _tokenize(path: Path, max_tokens: int) -> Any:
     except Exception as error:  # tokenizers' errors have no common base but Exception
         raise RsaDataError(f"{path}: expected a tokenizer: {error}") from error
     tokenizer.no_padding()
-    tokenizer.enable_truncation(max_tokens)
+    tokenizer.enable_truncation(said.max_tokens, direction=said.cut)
 
     def encode(texts: list[str]) -> tuple[Ids, np.ndarray]:
-        found = tokenizer.encode_batch_fast(texts)
+        texts = [(said.prompt + text).strip() for text in texts]
+        found = tokenizer.encode_batch_fast([t.lower() for t in texts] if said.lower else texts)
         return [one.ids for one in found], np.array([bool(one.overflowing) for one in found], bool)
 
     return encode
@@ -110,7 +62,7 @@ def _network(files: dict[str, Path]) -> Any:
     import torch
     from transformers import AutoModel
 
-    model = load_model(AutoModel, files["config.json"].parent)
+    model = load_model(AutoModel, files["config.json"].parent, whole=True)
 
     class Rows(torch.nn.Module):
         def __init__(self) -> None:
@@ -125,7 +77,7 @@ def _network(files: dict[str, Path]) -> Any:
     return Rows()
 
 
-def _module(files: dict[str, Path], pooling: str, normalize: bool) -> Any:
+def _module(files: dict[str, Path], said: Layout) -> Any:
     import torch
     from torch.nn import functional as F
 
@@ -139,13 +91,13 @@ def _module(files: dict[str, Path], pooling: str, normalize: bool) -> Any:
         def forward(self, ids: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
             read = torch.arange(ids.shape[1], device=ids.device) < lengths[:, None]  # (b, t)
             rows = self.model(ids, read).float()  # (b, t, dim)
-            if pooling == "cls_token":
+            if said.pooling == "cls":
                 rows = rows[:, 0]  # (b, dim)
-            elif pooling == "max_tokens":
+            elif said.pooling == "max":
                 rows = rows.masked_fill(~read[..., None], float("-inf")).amax(1)  # (b, dim)
             else:
                 rows = (rows * read[..., None]).sum(1) / lengths[:, None]  # (b, dim)
-            return F.normalize(rows, dim=-1) if normalize else rows
+            return F.normalize(rows, dim=-1) if said.normalized else rows
 
     return SentenceEncoder().eval()
 
