@@ -111,8 +111,10 @@ def notes(made: Iterable[pa.Table], captions: pa.Table, **options: Any) -> list[
         )
     if audits:
         texts = sum(figures["texts"] for figures in audits)
+        # A head may have been given to some of the runs only.
         worst = {
-            key: (min if "cosine" in key else max)(a[key] for a in audits) for key in audits[0]
+            key: (min if "cosine" in key else max)(a[key] for a in audits if key in a)
+            for key in dict.fromkeys(key for a in audits for key in a)
         }
         sentences.append(
             f"{options['precision']} compared with float32 on {texts:,} texts: cosine at least "

@@ -21,6 +21,7 @@ from ..runner.stage import Stage
 from ..store import schemas
 from . import runtime as runtimes
 from .encoder import Batch, Encoder, ImageModel
+from .features import gathered, stored
 from .running import in_torch
 from .runtime import Device
 
@@ -64,14 +65,19 @@ def build(
     def step(samples: pa.Table) -> pa.Table:
         images = samples["image"].to_pylist()
         errors: list[str | None] = [None] * len(images)
-        features = np.zeros((len(images), model.dim), np.float32)
-        for rows, found in run(_batches(images, root, model, errors)):
-            if not np.isfinite(found).all():
-                raise RsaDataError(
-                    f"embed-images: the feature of {images[rows[0]]} or one near it is not finite. "
-                    "Are the weights damaged?"
-                )
-            features[rows] = found
+        read = np.zeros(len(images), bool)
+        batches = _batches(images, root, model, errors, read)
+        features = gathered(run(batches), read, model.dim)
+        good = np.isfinite(features).all(1) & features.any(1)
+        if read.any() and not good.any():
+            first = images[int(np.flatnonzero(read)[0])]
+            raise RsaDataError(
+                f"embed-images: expected finite features that are not all zero; found none from "
+                f"{first} on. Are the weights damaged?"
+            )
+        for row in np.flatnonzero(read & ~good).tolist():
+            features[row] = 0
+            errors[row] = f"{name_of(images[row] or '')}: its feature is not finite, or all zero"
         status = [
             "skipped" if image is None else "failed" if error else "ok"
             for image, error in zip(images, errors, strict=True)
@@ -86,7 +92,7 @@ def build(
                     "no image is listed" if image is None else error
                     for image, error in zip(images, errors, strict=True)
                 ],
-                "embedding": embedding_column_with_nulls(features.astype(store), ok),
+                "embedding": embedding_column_with_nulls(stored(features, store), ok),
             },
         )
 
@@ -111,11 +117,9 @@ def loaded(
     run = in_torch(model.module, "float32", "cpu")
 
     def encode(images: Sequence[np.ndarray]) -> np.ndarray:
-        features = np.zeros((len(images), model.dim), np.float32)
         pixels = np.stack([model.prepare(image) for image in images])
-        for rows, found in run(iter([(np.arange(len(images)), {"pixels": pixels})])):
-            features[rows] = found
-        return features
+        found = run(iter([(np.arange(len(images)), {"pixels": pixels})]))
+        return gathered(found, np.ones(len(images), bool), model.dim)
 
     return encode
 
@@ -139,9 +143,14 @@ def _encoder(encoder: str) -> Encoder[ImageModel]:
 
 
 def _batches(
-    images: list[str | None], root: Path, model: ImageModel, errors: list[str | None]
+    images: list[str | None],
+    root: Path,
+    model: ImageModel,
+    errors: list[str | None],
+    good: np.ndarray,
 ) -> Iterator[Batch]:
-    """Batches of readable images; what cannot be read leaves its reason in `errors`."""
+    """Batches of readable images, which become True in `good`; others leave their reason in
+    `errors`."""
     rows: list[int] = []
     pixels: list[np.ndarray] = []
 
@@ -155,6 +164,7 @@ def _batches(
             elif found is not None:
                 pixels.append(found)
                 rows.append(row)
+                good[row] = True
             progress.advance(1)
             if len(rows) == _BATCH:
                 yield np.array(rows), {"pixels": np.stack(pixels)}

@@ -11,7 +11,7 @@ from ..common.digests import file_sha256
 from ..common.errors import UsageError
 from . import runtime
 from .encoder import Encoder, Ids, TextModel
-from .features import check_finite
+from .features import check_finite, gathered
 from .running import Run
 from .runtime import Device, Runtime
 
@@ -76,13 +76,11 @@ def features_of(
 
     run, model : from `runners`. ids : the tokens of each text, from `model.tokenize`. done : is
     told the rows of each batch once they are there.
+
+    Raises RsaDataError for an encoder that does not give each text's feature once.
     """
-    features = np.empty((len(ids), model.dim), np.float32)
-    for rows, found in run(model.batches(ids, model.budget)):
-        features[rows] = found
-        if done is not None:
-            done(rows)
-    return features
+    batches = run(model.batches(ids, model.budget))
+    return gathered(batches, np.ones(len(ids), bool), model.dim, done)
 
 
 def _encoder(encoder: str) -> Encoder[TextModel]:

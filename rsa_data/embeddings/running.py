@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..common.errors import RsaDataError
 from .encoder import Batch
 
 if TYPE_CHECKING:
@@ -32,22 +33,26 @@ def in_torch(module: "torch.nn.Module", precision: Precision, device: str) -> Ru
 
     @torch.inference_mode()
     def forward(inputs: dict[str, np.ndarray]) -> torch.Tensor:
+        """Features in float32, in memory of their own: a module may use its own again."""
         tensors = {name: torch.from_numpy(value) for name, value in inputs.items()}
         if device == "cuda":
             # Pinned memory lets the copy run beside the computation.
             tensors = {n: t.pin_memory().to(device, non_blocking=True) for n, t in tensors.items()}
         features: torch.Tensor = module(**tensors)
-        return features
+        if not isinstance(features, torch.Tensor) or not features.is_floating_point():
+            found = getattr(features, "dtype", type(features).__name__)
+            raise RsaDataError(f"the encoder: expected a tensor of real numbers, found {found}")
+        return features.to(torch.float32, copy=True)
 
     def run(batches: Iterable[Batch]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         waiting: tuple[np.ndarray, torch.Tensor] | None = None
         for rows, inputs in batches:
             features = forward(inputs)
             if waiting:
-                yield waiting[0], waiting[1].float().cpu().numpy()
+                yield waiting[0], waiting[1].cpu().numpy()
             waiting = rows, features
         if waiting:
-            yield waiting[0], waiting[1].float().cpu().numpy()
+            yield waiting[0], waiting[1].cpu().numpy()
 
     return run
 
@@ -60,6 +65,15 @@ def in_onnx(graph: Path, threads: int) -> Run:
 
     def run(batches: Iterable[Batch]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         for rows, inputs in batches:
-            yield rows, session.run(None, inputs)[0]
+            try:
+                (features,) = session.run(None, inputs)
+            # onnxruntime's errors have no common base but Exception.
+            except Exception as error:
+                reason = " ".join(str(error).split())[:300]
+                raise RsaDataError(
+                    f"the encoder's graph fails on a batch of {len(rows)}: {reason}. Use --runtime "
+                    "torch"
+                ) from error
+            yield rows, features
 
     return run

@@ -30,7 +30,10 @@ def choose(precision: Precision, runtime: Runtime, device: Device) -> tuple[str,
     if device == "auto":
         device = "cuda" if runtime != "onnx" and _gpu() else "cpu"
     if precision == "int8" and (runtime == "torch" or device == "cuda"):
-        raise UsageError("--precision int8 runs in ONNX Runtime on a CPU: use --device cpu")
+        raise UsageError(
+            "--precision int8 runs in ONNX Runtime on a CPU: leave out "
+            + ("--runtime torch" if runtime == "torch" else "--device cuda")
+        )
     if precision == "float16" and device == "cpu":
         raise UsageError("--precision float16 is for GPUs; on a CPU use bfloat16 or int8")
     if runtime == "onnx" and (precision == "bfloat16" or device == "cuda"):
