@@ -8,6 +8,7 @@ import torch
 from PIL import Image
 from tiny_encoders import captions
 
+from rsa_data import registry
 from rsa_data.common.errors import RsaDataError
 from rsa_data.embeddings import embed, embed_images
 from rsa_data.embeddings.encoder import Encoder, ImageModel, TextModel
@@ -44,7 +45,8 @@ def run(monkeypatch, answer=lambda x: x, batches=plan, **options):
     )
     encoder = Encoder("made here", lambda argument, weights: {}, lambda files: model)
     monkeypatch.setattr(tiny_encoders, "OWN", encoder, raising=False)
-    step = embed.build(encoder="tiny_encoders:OWN", runtime="torch", device="cpu", **options)
+    monkeypatch.setitem(registry.ENCODERS, "own", "tiny_encoders:OWN")
+    step = embed.build(encoder="own", runtime="torch", device="cpu", **options)
     return schemas.embedding_array(step(captions(TEXTS)))
 
 
@@ -107,7 +109,8 @@ def test_an_image_without_a_feature_is_a_failed_row(monkeypatch, tmp_path):
     model = ImageModel(Spoilt(), lambda image: image.transpose(2, 0, 1).astype(np.float32), 5)
     encoder = Encoder("made here", lambda argument, weights: {}, lambda files: model)
     monkeypatch.setattr(tiny_encoders, "OWN", encoder, raising=False)
-    step = embed_images.build(root=tmp_path, encoder="tiny_encoders:OWN", device="cpu")
+    monkeypatch.setitem(registry.IMAGE_ENCODERS, "own", "tiny_encoders:OWN")
+    step = embed_images.build(root=tmp_path, encoder="own", device="cpu")
     table = step(pa.table({"sample_id": names, "image": names}))
     schemas.check("image_embeddings", table)
     assert table["status"].to_pylist() == ["ok", "failed", "ok"]
