@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..common.errors import RsaDataError
+from ..common.errors import RowError, RsaDataError
 
 # openai/CLIP, clip/clip.py, _transform; the RN50 of the paper reads 224 x 224.
 CLIP_RN50: Mapping[str, Any] = {
@@ -17,6 +17,10 @@ CLIP_RN50: Mapping[str, Any] = {
     "do_center_crop": True,
 }
 
+# Pixels of an image that was resized and is not cropped yet, 4 bytes each. Only images some hundred
+# times as long as wide have more.
+MOST_PIXELS = 100_000_000
+
 
 def preparer(settings: Mapping[str, Any], where: str) -> Callable[[np.ndarray], np.ndarray]:
     """What makes an image into an encoder's input.
@@ -25,7 +29,8 @@ def preparer(settings: Mapping[str, Any], where: str) -> Callable[[np.ndarray], 
         rescale_factor, image_mean and image_std, each with its do_... switch.
     where : begins the message of an error.
 
-    The result maps uint8 of shape (height, width, 3), RGB, to float32 of shape (3, height, width).
+    The result maps uint8 of shape (height, width, 3), RGB, to float32 of shape (3, height, width);
+    it raises RowError for an image that would have more than MOST_PIXELS when it is resized.
     Raises RsaDataError for settings that are not known here.
     """
     from PIL import Image
@@ -49,6 +54,12 @@ def preparer(settings: Mapping[str, Any], where: str) -> Callable[[np.ndarray], 
         picture = Image.fromarray(image)
         if size:
             wanted = size[::-1] if len(size) == 2 else _shortest(picture.size, size[0])
+            if wanted[0] * wanted[1] > MOST_PIXELS:
+                raise RowError(
+                    f"image of {picture.width} x {picture.height} px: too narrow; expected at most "
+                    f"{MOST_PIXELS:,} px when its short side is {size[0]} px, found "
+                    f"{wanted[0] * wanted[1]:,} px"
+                )
             picture = picture.resize(wanted, resample)
         pixels = np.asarray(picture)
         if crop:

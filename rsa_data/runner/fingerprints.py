@@ -4,8 +4,10 @@ import platform
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
+from typing import Any
 
 from ..common.digests import file_sha256
+from ..common.errors import RsaDataError
 from ..common.options import stored
 from ..store import schemas
 from ..store.tables import Description, fingerprint
@@ -25,12 +27,7 @@ def describe(job: Job) -> Description:
     if stage.selector is not None:
         kept[stage.selector] = label_of(str(kept[stage.selector]), stage.choices)
     options = stored(stage.build, kept)
-    identity = stage.identity(**job.options)
-    if stage.selector is not None and stage.choices is not None:
-        name = stage.choices.split(str(job.options[stage.selector]))[0]
-        # Names that are in no table have a card of the user's, which is among the files.
-        if name in stage.choices and (source := stage.choices.source(name)) is not None:
-            identity = {**identity, **source}
+    identity = _identity(job)
     known = {"identity": identity} if identity else {}
     return Description(
         **known,
@@ -43,6 +40,42 @@ def describe(job: Job) -> Description:
         inputs=list(job.inputs),
         made_with=made_with(),
     )
+
+
+def _identity(job: Job) -> dict[str, Any]:
+    """What the content follows from beside options and files, code of the user's own included."""
+    stage = job.declared
+    identity = stage.identity(**job.options)
+    if stage.selector is not None and stage.choices is not None:
+        name = stage.choices.split(str(job.options[stage.selector]))[0]
+        # Names that are in no table have a card of the user's, which is among the files.
+        if name in stage.choices and (source := stage.choices.source(name)) is not None:
+            identity = {**identity, **source}
+    return identity
+
+
+def check_read(job: Job, description: Description) -> None:
+    """Raises RsaDataError where what a worker has just read is not what the description says.
+
+    Files are replaced while a run goes on, and another machine may have other ones in their place.
+    """
+    paths = job.declared.files(**job.options)
+    files = {name: file_sha256(str(path)) for name, path in paths.items()}
+    identity = description.identity or {}
+    for kind, before, now in (
+        ("sha256 ", description.files, files),
+        ("", identity, _identity(job)),
+    ):
+        for name in {**before, **now}:
+            one, other = before.get(name, "none"), now.get(name, "none")
+            if one != other:
+                what = paths.get(name, name) if kind else f"{job.stage}: {name}"
+                raise RsaDataError(
+                    f"{what}: expected {kind}{one}, with which the run began; a worker found "
+                    f"{other}: replaced meanwhile, or another one on the worker's machine. Nothing "
+                    "was made from it, finished parts are kept: put the same one in place on all "
+                    "machines, then run the same command again"
+                )
 
 
 def same(old: Description, new: Description) -> bool:

@@ -14,15 +14,19 @@ from ..datasets import index
 from ..datasets.roots import open_root
 from ..store.tables import Description, Made, Receipt, WorkDir
 from .cpu import cpu_type
-from .fingerprints import part_fingerprint, part_inputs, same
+from .fingerprints import check_read, part_fingerprint, part_inputs, same
 from .jobs import Job
 from .stage import Step
 
 
-def build_step(job: Job) -> Step:
-    """Loads what the stage needs; called once a worker."""
+def build_step(job: Job, description: Description) -> Step:
+    """Loads what the stage needs; called once a worker.
+
+    Raises RsaDataError where model files or code are not those of the description (any more).
+    """
     build = job.declared.build
     step: Step = options.call(build, **_given(job, build), **job.options)
+    check_read(job, description)  # afterwards: what was replaced before is seen, too
     return step
 
 

@@ -60,7 +60,7 @@ def plan(
     if not rows:
         return Estimate(str(output), len(todo), done, 0, 0.0, 0.0, 0, free, 0)
     begun = time.monotonic()
-    step = steps.build_step(job)
+    step = steps.build_step(job, description)
     step(*_first(job, todo[0], _WARM))
     loading = time.monotonic() - begun
     inputs = _first(job, todo[0], _ROWS)

@@ -48,7 +48,7 @@ def _recompute(work: WorkDir, table: Table, numbers: list[int], report: Report) 
     if not fingerprints.same(table.description(), fingerprints.describe(job)):
         report(f"{table}: its options, model files or version are not those of today; left out")
         return 1
-    step = parts.build_step(job) if numbers else None
+    step = parts.build_step(job, table.description()) if numbers else None
     problems = 0
     for number in numbers:
         assert step is not None

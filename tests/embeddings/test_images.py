@@ -10,7 +10,7 @@ from PIL import Image
 from tiny_encoders import SIGHT, randomize, samples
 
 from rsa_data import registry
-from rsa_data.common.errors import RsaDataError
+from rsa_data.common.errors import RowError, RsaDataError
 from rsa_data.embeddings.clip import read_image_tower
 from rsa_data.embeddings.clip_image import AttentionPool, ImageTower
 from rsa_data.embeddings.embed_images import build
@@ -85,6 +85,15 @@ def test_pixels_equal_those_of_transformers(size):
     ours = preparer(CLIP_RN50, "test")(pixels)
     assert ours.shape == theirs.shape == (3, 224, 224)
     np.testing.assert_allclose(ours, theirs, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(60_000, 1), (1, 60_000)])
+def test_images_that_would_grow_beyond_memory_are_refused(size):
+    prepare = preparer(CLIP_RN50, "test")
+    with pytest.raises(RowError, match=f"image of {size[0]} x {size[1]} px: too narrow"):
+        prepare(np.zeros((*size[::-1], 3), np.uint8))
+    # Long ones that fit are prepared as ever.
+    assert prepare(np.zeros((16, 2000, 3), np.uint8)).shape == (3, 224, 224)
 
 
 def save_clip(folder):

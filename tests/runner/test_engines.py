@@ -1,5 +1,6 @@
 """Engines: the same bytes from one process, several, and Ray; no part is lost with its worker."""
 
+import hashlib
 import os
 import signal
 import subprocess
@@ -13,9 +14,10 @@ import pytest
 import rooms
 
 from rsa_data.common.errors import RsaDataError, TransientError
-from rsa_data.runner import fingerprints, runs
+from rsa_data.runner import fingerprints, jobs, runs, stages
 from rsa_data.runner.engines import dispatch
 from rsa_data.runner.engines.pool import EngineOptions, Result, Task, WorkerEvent
+from rsa_data.runner.jobs import Job
 from rsa_data.store.logs import last_run, rate
 from rsa_data.store.tables import WorkDir
 
@@ -83,6 +85,61 @@ def test_workers_that_die_again_and_again_end_the_run(tmp_path, how, undisturbed
     monkeypatch.delenv("RSA_DATA_FAILPOINT")
     runs.run(rooms.captions_job(work), engine=how, bar=rooms.NoBar)
     assert files(work) == undisturbed
+
+
+def imported_job(work: WorkDir, label: str) -> Job:
+    """Captions that lie in the file texts.csv of the folder in which the command is given."""
+    configured = stages.bind("captions", {"style": "import:texts.csv", "label": label})
+    return jobs.job(work, configured, "rooms")
+
+
+def write_texts(folder: Path, text: str) -> None:
+    folder.mkdir(exist_ok=True)
+    rows = [f"rooms/train/{part:03d}/{row:05d},{text}" for part in range(2) for row in range(50)]
+    (folder / "texts.csv").write_text("\n".join(["sample_id,text", *rows]))
+
+
+@pytest.mark.ray
+@pytest.mark.filterwarnings("ignore")
+def test_relative_paths_are_those_of_the_command_wherever_ray_was_started(tmp_path, monkeypatch):
+    import ray
+
+    work = rooms.made(tmp_path / "work", parts=2)
+    write_texts(tmp_path / "command", "A bed.")
+    write_texts(tmp_path / "cluster", "Another room.")
+    monkeypatch.chdir(tmp_path / "cluster")
+    ray.init(address="local", num_cpus=1, include_dashboard=False, log_to_driver=False)
+    try:
+        monkeypatch.chdir(tmp_path / "command")
+        runs.run(imported_job(work, "far"), engine=EngineOptions("ray"), bar=rooms.NoBar)
+    finally:
+        ray.shutdown()
+    runs.run(imported_job(work, "near"), bar=rooms.NoBar)
+    far, near = (files(work, f"captions/{label}") for label in ("far", "near"))
+    assert far["_table.json"] == near["_table.json"]
+    assert set(work.table("rooms", "captions/far").read(1)["text"].to_pylist()) == {"A bed."}
+    parts = [name for name in near if name.endswith(".parquet")]
+    assert len(parts) == 2 and all(far[name] == near[name] for name in parts)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_files_that_are_replaced_before_a_worker_reads_them_end_the_run(
+    tmp_path, monkeypatch, workers
+):
+    work = rooms.made(tmp_path / "work", parts=2)
+    write_texts(tmp_path, "A bed.")
+    monkeypatch.chdir(tmp_path)
+    job = imported_job(work, "texts")
+    description = fingerprints.describe(job)
+    job.table(job.output).bind(description)
+    write_texts(tmp_path, "A bad.")  # of the same size
+    now = hashlib.sha256((tmp_path / "texts.csv").read_bytes()).hexdigest()
+    expected = f"texts.csv: expected sha256 {description.files['texts']}, .* found {now}: replaced"
+    with pytest.raises(RsaDataError, match=expected):
+        list(dispatch.run(job, description, [Task(0), Task(1)], EngineOptions(workers=workers)))
+    assert job.table(job.output).parts() == []
+    write_texts(tmp_path, "A bed.")
+    assert runs.run(job, engine=EngineOptions(workers=workers), bar=rooms.NoBar).done == 2
 
 
 @pytest.mark.parametrize("how", MANY)

@@ -282,7 +282,7 @@ def test_two_commands_with_other_options_at_once_do_not_mix(tmp_path):
     description = fingerprints.describe(job := rooms.captions_job(work))
     table = work.table("rooms", "captions/occupancy")
     table.bind(description)
-    step = parts.build_step(job)
+    step = parts.build_step(job, description)
     # Another run deletes the table and begins it with other options while a part is being made.
     table.start_over()
     table.bind(fingerprints.describe(rooms.captions_job(work, variants=2)))

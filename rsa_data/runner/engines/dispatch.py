@@ -51,7 +51,7 @@ def run(
     if make_pool is None and options.engine == "local" and options.memory is None and few:
         progress.listen(on_rows)
         try:
-            step = parts.build_step(job)
+            step = parts.build_step(job, description)
             for task in tasks:
                 yield attempt(job, step, description, task)
         finally:

@@ -120,7 +120,7 @@ def _work(pipe: Connection, job: Job, description: Description, memory: int | No
 
     progress.listen(_now_and_then(lambda rows: send("rows", rows)))
     try:
-        step = parts.build_step(job)
+        step = parts.build_step(job, description)
     except Exception as error:
         send("broken", portable(error))
         return

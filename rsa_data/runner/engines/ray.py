@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ...common.errors import RsaDataError
 from ...common.extras import extras
 from ...store.tables import Description
 from ..jobs import Job
@@ -22,7 +23,8 @@ class Actors:
     """Stateful actors, each with the stage's model loaded once.
 
     On a cluster every node must have this version of rsa-data, and see the work dir and the
-    dataset's root under the same path (or both in S3).
+    dataset's root under the same path (or both in S3). Workers go to the command's folder, against
+    which relative paths such as that of `files:DIR` are meant.
     """
 
     def __init__(self, job: Job, description: Description, options: EngineOptions):
@@ -38,7 +40,7 @@ class Actors:
         if "GPU" not in takes and job.options.get("device") == "auto":
             # A node with a GPU may join later, and Ray hides GPUs only from those that have some.
             job = replace(job, options={**job.options, "device": "cpu"})
-        self.given = (_absolute(job), description, options.memory)
+        self.given = (_absolute(job), description, options.memory, str(Path.cwd()))
         self.watch = ray_cluster.Watch(ray, takes, self.joined and options.ray_address is None)
         actor: dict[str, Any] = {"max_restarts": 0, "max_task_retries": 0}
         if options.memory is not None:
@@ -54,7 +56,7 @@ class Actors:
     def start(self) -> Any:
         actor = self.actor.remote(*self.given)
         self.doing[actor.begin.remote()] = actor
-        if self.given[-1] is not None:
+        if self.given[2] is not None:
             self.doing[actor.over_memory.options(concurrency_group=_BESIDE).remote()] = actor
         self.actors.add(actor)
         return actor
@@ -107,8 +109,9 @@ def _why(error: Exception) -> str:
 class _Worker:
     """Runs in an actor's process."""
 
-    def __init__(self, job: Job, description: Description, memory: int | None):
+    def __init__(self, job: Job, description: Description, memory: int | None, folder: str):
         self.given = (job, description, memory)
+        self.folder = folder
 
     def begin(self) -> tuple[str, Any]:
         """Loads what the stage needs. Not in __init__, whose errors Ray reports as a death."""
@@ -116,8 +119,10 @@ class _Worker:
         from .. import parts
 
         pandas_later.install()
+        job, description, _ = self.given
         try:
-            self.step = parts.build_step(self.given[0])
+            _enter(self.folder, job)
+            self.step = parts.build_step(job, description)
         except Exception as error:
             return "broken", portable(error)
         return "ready", None
@@ -139,6 +144,21 @@ class _Worker:
             return "broken", portable(error)
         threading.Timer(_GRACE, os._exit, (1,)).start()
         return "died", local.held_more(most)
+
+
+def _enter(folder: str, job: Job) -> None:
+    """Goes to the command's folder; RsaDataError where it is not there, but may be needed."""
+    try:
+        os.chdir(folder)
+    except OSError as error:
+        for value in job.options.values():
+            _, colon, rest = str(value).rpartition(":")
+            # A name on a hub, hf:OWNER/NAME, is none of a file as long as there is none here.
+            if colon and rest and not Path(rest).is_absolute() and Path(rest).exists():
+                raise RsaDataError(
+                    f"{value}: this node has no folder {folder}, in which the command was given, "
+                    f"but another {rest} where Ray was started: give an absolute path"
+                ) from error
 
 
 def _absolute(job: Job) -> Job:
