@@ -1,11 +1,10 @@
 """ONNX graphs of encoders: exported once, checked against torch, kept in the user's cache."""
 
+import errno
 import hashlib
 import logging
-import shutil
-import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
@@ -13,9 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from ..common import bounded, files
+from ..common.digests import read_sha256
 from ..common.errors import RsaDataError
 from ..common.extras import extras
 from ..common.files import cache_folder
+from ..common.progress import notice
 from .encoder import TextModel
 from .running import in_onnx, in_torch
 
@@ -25,9 +27,16 @@ _VERSION = 3
 # What a graph may differ from torch by, in float32: 1 - cosine, and the norm's relative change.
 _TOLERANCE = 1e-5
 
+# Seconds that a process waits for another one's graph before it says so.
+_SILENT = 3
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
 
 def graph(model: TextModel, sources: dict[str, str], *, int8: bool = False) -> Path:
     """The graph of an encoder, from the cache or made now.
+
+    A graph that is not the one that was written there, by the digest beside it, is made anew.
 
     sources : what the encoder is made of, by name (its code, sha256 of its files); decides the
         place in the cache.
@@ -41,40 +50,89 @@ def graph(model: TextModel, sources: dict[str, str], *, int8: bool = False) -> P
     folder = cache_folder("graphs") / hashlib.sha256(key.encode()).hexdigest()[:32]
     exact, rounded = folder / "float32.onnx", folder / "int8.onnx"
     wanted = rounded if int8 else exact
-    if wanted.is_file():
-        return wanted
     try:
+        if _intact(wanted):
+            return wanted
         folder.mkdir(parents=True, exist_ok=True)
-        with _one_at_a_time(folder):
-            if not exact.is_file():
+        with _one_at_a_time(folder / "lock"):
+            # Another process may have made it meanwhile.
+            if _intact(wanted):
+                return wanted
+            if not int8 or not _intact(exact):
                 _make(exact, lambda path: _export(model, path))
-            if int8 and not rounded.is_file():
+            if int8:
                 _make(rounded, lambda path: _quantize(exact, path))
     except OSError as error:
         raise RsaDataError(
             f"{folder}: expected to write the encoder's graph there: {error}. Set XDG_CACHE_HOME "
-            "to a folder that can be written, or use --runtime torch"
+            "to a folder that can be written and has room, or use --runtime torch"
         ) from error
     return wanted
 
 
 @contextmanager
-def _one_at_a_time(folder: Path) -> Iterator[None]:
+def _one_at_a_time(lock: Path) -> Iterator[None]:
     """Lets one worker make a graph while the others wait for it."""
-    from filelock import FileLock
+    from filelock import FileLock, Timeout
 
-    with FileLock(folder / "lock"):
-        yield
-
-
-def _make(target: Path, write: Any) -> None:
-    """A file that appears whole or not at all."""
-    folder = Path(tempfile.mkdtemp(dir=target.parent))
+    _refuse_folder(lock)
+    one = FileLock(lock)
     try:
-        write(folder / target.name)
-        (folder / target.name).replace(target)
+        one.acquire(timeout=_SILENT)
+    except Timeout:
+        notice(
+            f"Waiting for {lock}: another process is making this encoder's graph, which takes 10 "
+            "to 30 s; one that is stopped keeps others waiting until it goes on or ends"
+        )
+        one.acquire()
+    try:
+        yield
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        one.release()
+
+
+def _refuse_folder(path: Path) -> None:
+    if path.is_dir():
+        raise RsaDataError(
+            f"{path}: expected a file of the cache of graphs; found a folder: remove it"
+        )
+
+
+def _make(target: Path, write: Callable[[Path], None]) -> None:
+    """Writes a graph, and then its digest: a kill in between makes it anew the next time."""
+    for path in (target, _digest(target)):
+        _refuse_folder(path)
+    if target.exists():
+        why = "does not match its digest" if _digest(target).exists() else "has no digest"
+        notice(f"{target}: this graph {why}; making it anew")
+    with files.replacing(target) as file:
+        # Exporter and quantiser open the file by its name.
+        path = Path(file.name)
+        write(path)
+        record = _record(target, path)
+    files.write(_digest(target), record)
+
+
+def _intact(target: Path) -> bool:
+    """Whether a file is the graph that `_make` wrote there.
+
+    Against mishaps: whoever writes both files on purpose is believed.
+    """
+    if not target.is_file():
+        return False
+    try:
+        return bounded.read(_digest(target), "text") == _record(target, target)
+    except OSError:
+        return False
+
+
+def _digest(target: Path) -> Path:
+    return target.with_name(f"{target.name}.sha256")
+
+
+def _record(target: Path, path: Path) -> bytes:
+    """The line of sha256sum for what `path` holds, with the folder: it is a digest of the key."""
+    return f"{read_sha256(path)}  {target.parent.name}/{target.name}\n".encode()
 
 
 def _export(model: TextModel, path: Path) -> None:
@@ -105,11 +163,22 @@ def _export(model: TextModel, path: Path) -> None:
             program.save(path, external_data=False)
     # The exporter raises errors of many kinds for what it cannot translate.
     except Exception as error:
+        if full := _full_disk(error):
+            raise full from None
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
         raise RsaDataError(
             f"this encoder cannot be exported as an ONNX graph: {reason}. Use --runtime torch"
         ) from error
     _check(model, path)
+
+
+def _full_disk(error: BaseException | None) -> OSError | None:
+    """The error of a disk without room among an error and what it came from."""
+    while error:
+        if isinstance(error, OSError) and error.errno in _FULL:
+            return error
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def _probe(model: TextModel) -> Any:
