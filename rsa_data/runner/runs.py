@@ -112,10 +112,12 @@ def _watched(
 
     The bar follows what steps report, and each part's end.
     """
-    reported = finished = 0
+    reported, finished, total = 0, 0, sum(sizes[task.number] for task in tasks)
 
     def on_rows(rows: int) -> None:
         nonlocal reported
+        # What a worker says late is counted already, with the end of its part.
+        rows = min(rows, total - reported)
         reported += rows
         shown.update(rows)
 
