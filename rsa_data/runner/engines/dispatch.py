@@ -5,6 +5,7 @@ longer than all others goes to an idle worker as well.
 """
 
 import logging
+import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -58,12 +59,26 @@ def run(
             progress.listen(None)
         return
     options = replace(options, workers=max(1, min(options.workers, len(tasks))))
+    _say_of_cores(job, options)
     make: MakePool = make_pool or registry.resolve("engine", registry.ENGINES, options.engine)
     pool = make(job, description, options)
     try:
         yield from _dispatch(pool, tasks, options.workers, on_rows or (lambda rows: None))
     finally:
         pool.stop()
+
+
+def _say_of_cores(job: Job, options: EngineOptions) -> None:
+    """Says when local workers want more CPUs than there are: they wait for each other then."""
+    threads = job.options.get("threads") or 1
+    affinity = getattr(os, "sched_getaffinity", None)
+    there = len(affinity(0)) if affinity else os.cpu_count() or 1
+    fit = max(1, there // threads)
+    if options.engine == "local" and options.workers > fit:
+        progress.notice(
+            f"{options.workers} workers of {threads} thread{'' if threads == 1 else 's'} on {there} "
+            f"CPU{'' if there == 1 else 's'}: --workers {fit} is about as fast"
+        )
 
 
 def _dispatch(
