@@ -59,7 +59,8 @@ def run(
             progress.listen(None)
         return
     options = replace(options, workers=max(1, min(options.workers, len(tasks))))
-    _say_of_cores(job, options)
+    if make_pool is None and options.engine == "local":
+        _say_of_cores(job, options.workers)
     make: MakePool = make_pool or registry.resolve("engine", registry.ENGINES, options.engine)
     pool = make(job, description, options)
     try:
@@ -68,16 +69,16 @@ def run(
         pool.stop()
 
 
-def _say_of_cores(job: Job, options: EngineOptions) -> None:
-    """Says when local workers want more CPUs than there are: they wait for each other then."""
+def _say_of_cores(job: Job, workers: int) -> None:
+    """Says when workers want more CPUs than this machine has: they wait for each other then."""
     threads = job.options.get("threads") or 1
     affinity = getattr(os, "sched_getaffinity", None)
     there = len(affinity(0)) if affinity else os.cpu_count() or 1
     fit = max(1, there // threads)
-    if options.engine == "local" and options.workers > fit:
+    if workers > fit:
         progress.notice(
-            f"{options.workers} workers of {threads} thread{'' if threads == 1 else 's'} on {there} "
-            f"CPU{'' if there == 1 else 's'}: --workers {fit} is about as fast"
+            f"{workers} workers with --threads {threads} on {there} CPU{'' if there == 1 else 's'}: "
+            f"--workers {fit} is about as fast"
         )
 
 
