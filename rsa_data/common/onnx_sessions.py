@@ -46,8 +46,8 @@ def open_session(
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
-    # Threads that wait sleep, as those of OpenMP do (see __main__.py): spinning took a third more of
-    # the CPU, and a third more time where other workers wanted the cores.
+    # Threads that wait sleep, as those of OpenMP do (see __main__.py): spinning took a third more
+    # of the CPU, and a third more time where other workers wanted the cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4  # what matters is raised as well
     providers: list[Any] = ["CPUExecutionProvider"]

@@ -77,8 +77,8 @@ def _say_of_cores(job: Job, workers: int) -> None:
     fit = max(1, there // threads)
     if workers > fit:
         progress.notice(
-            f"{workers} workers with --threads {threads} on {there} CPU{'' if there == 1 else 's'}: "
-            f"--workers {fit} is about as fast"
+            f"--workers {workers} with {threads} thread(s) each on {there} CPU(s): --workers {fit} "
+            "is about as fast"
         )
 
 
