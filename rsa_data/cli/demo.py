@@ -25,7 +25,7 @@ def demo(work: str) -> None:
     \b
       rsa-data demo
 
-    No download is needed; it takes under two minutes on two cores. Renders scenes, imports their
+    No download is needed; it takes under a minute on two cores. Renders scenes, imports their
     segments, writes captions, embeds them with a sentence encoder whose weights came with the
     package, trains a head and a control whose captions are shuffled,
     measures both on held-out scenes, and draws a sheet of predictions.
