@@ -88,6 +88,24 @@ def layout(files: Mapping[str, Path]) -> Layout:
     )
 
 
+def applied(files: Mapping[str, Path]) -> dict[str, Path]:
+    """Files whose settings older versions did not follow, by names that say what is followed now.
+
+    They stand among the files of a table, so that one with other features is not continued.
+    Raises RsaDataError as `layout` does; {} for a folder of another layout.
+    """
+    if "modules.json" not in files:
+        return {}
+    said, found = layout(files), {}
+    if said.prompt:
+        found["prompt applied"] = files[_PROMPTS]
+    if said.lower:
+        found["lower case applied"] = files[_SENTENCE]
+    if said.cut == "left":
+        found["left side cut"] = files["tokenizer_config.json"]
+    return found
+
+
 def max_tokens(folder: Path) -> int:
     """The most tokens of a text that the model of a folder reads, start and end included.
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..common.errors import RsaDataError, UsageError
 from ..common.pretrained import folder_files, folder_of, load_model, tokenize_with
+from ..common.sentence_folders import applied
 from . import sentence
 from .batches import LENGTH_AXES, by_length
 from .encoder import Encoder, TextModel
@@ -22,7 +23,8 @@ def named_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
         raise UsageError(
             "encoder hf: expected hf:NAME_OR_DIR, or the model's folder by --encoder-weights"
         )
-    return folder_files(folder_of(argument or "", weights))
+    files = folder_files(folder_of(argument or "", weights))
+    return {**files, **applied(files)}
 
 
 def load(files: dict[str, Path]) -> TextModel:

@@ -12,7 +12,7 @@ import numpy as np
 from ..common import minilm
 from ..common.errors import RsaDataError
 from ..common.pretrained import folder_files, load_model
-from ..common.sentence_folders import Layout, layout
+from ..common.sentence_folders import Layout, applied, layout
 from .batches import LENGTH_AXES, by_length
 from .encoder import Encoder, Ids, TextModel
 
@@ -104,7 +104,8 @@ def _module(files: dict[str, Path], said: Layout) -> Any:
 
 def _minilm_files(argument: str | None, weights: Path | None) -> dict[str, Path]:
     if weights is not None:
-        return folder_files(weights)
+        files = folder_files(weights)
+        return {**files, **applied(files)}
     return folder_files(minilm.folder_with("model.safetensors"))
 
 

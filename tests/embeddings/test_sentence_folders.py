@@ -5,9 +5,10 @@ import json
 import pytest
 
 from rsa_data.common.errors import RsaDataError
-from rsa_data.common.sentence_folders import layout
+from rsa_data.common.sentence_folders import applied, layout
 from rsa_data.common.tokenizers import hf
 from rsa_data.embeddings import sentence
+from rsa_data.embeddings.huggingface import HF
 
 WORDS = ["<pad>", "<unk>", "<s>", "</s>", "a", "bed", "and", "lamp", "query:", "Bed"]
 FIVE = "sentence_transformers.models."
@@ -62,6 +63,21 @@ def test_the_default_prompt_stands_before_every_text(tmp_path):
         ["<s>", "query:", "</s>"],
     ]
     assert not cut.any()
+
+
+def test_a_table_of_before_is_not_continued(tmp_path):
+    """What is followed only now has a name of its own among the files of a table."""
+    plain, asked = tmp_path / "plain", tmp_path / "asked"
+    assert applied(folder(plain)) == {}
+    files = folder(
+        asked,
+        side="left",
+        sentence_bert_config={"do_lower_case": True},
+        config_sentence_transformers={"default_prompt_name": "query"},
+    )
+    assert sorted(applied(files)) == ["left side cut", "lower case applied", "prompt applied"]
+    (asked / "model.safetensors").write_bytes(b"")
+    assert set(applied(files)) < set(HF.files(str(asked), None))
 
 
 def test_texts_are_cut_and_lowered_as_the_files_say(tmp_path):
