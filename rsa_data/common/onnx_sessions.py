@@ -60,6 +60,7 @@ def open_session(
     if device == "cuda" and not on_gpu:
         raise UsageError("device cuda: no GPU driver was found (libcuda.so.1); use --device cpu")
     if on_gpu:
+        onnxruntime.set_default_logger_severity(4)  # what fails here is said below
         _find_cuda()
         # Algorithms chosen by trying them, which is EXHAUSTIVE, and TF32 would give other bits from
         # run to run. DEFAULT has been cuDNN's last resort since onnxruntime 1.20: on an H100 it
