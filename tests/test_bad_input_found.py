@@ -158,7 +158,7 @@ def test_inputs_that_lead_back_to_their_table(tmp_path):
         ("config.json", '{"max_position_embeddings": "nan"}', "expected a whole number"),
         ("config.json", '{"text_config": 3}', "expected an object"),
         ("config.json", "[]", "expected an object"),
-        ("sentence_bert_config.json", "{}", "max_seq_length"),
+        ("sentence_bert_config.json", '{"max_seq_length": "x"}', "max_seq_length"),
     ],
 )
 def test_model_folders_that_somebody_changed(tmp_path, name, content, words):
