@@ -22,6 +22,7 @@ class Rays(NamedTuple):
 
     @classmethod
     def of(cls, along: Vector) -> "Rays":
+        """Rays in these directions."""
         return cls(along, _each(_inverse, along))
 
     def part(self, rows: slice, columns: slice) -> "Rays":
