@@ -16,7 +16,6 @@ those of float32 on the CPU.
 import argparse
 import json
 import re
-import subprocess
 import sys
 import tarfile
 import tempfile
@@ -36,6 +35,7 @@ from rsa_data.embeddings import sentence
 from rsa_data.embeddings.batches import PREFIX_AXES, by_prefix
 from rsa_data.embeddings.clip_text import TextTower
 from rsa_data.embeddings.encoder import TextModel
+from rsa_data.embeddings.frozen import features_of
 from rsa_data.embeddings.runtime import runners
 from rsa_data.store.tables import WorkDir
 
@@ -87,10 +87,10 @@ def networks(models: dict[str, TextModel], texts: list[str], device: str) -> lis
     for name, model in models.items():
         ids = model.tokenize(texts)[0]
         some = ids[:: max(1, len(ids) // 256)]
-        exact = features(*runners(model, {}, "float32", ("torch", "cpu"), 8)[:2], some)
+        exact = features_of(*runners(model, {}, "float32", ("torch", "cpu"), 8)[:2], some)
         for precision in rates:
             run, tuned, _ = runners(model, {}, precision, ("torch", device), 8)
-            found = features(run, tuned, some)
+            found = features_of(run, tuned, some)
             norms = np.linalg.norm(found, axis=1) * np.linalg.norm(exact, axis=1)
             cosine = float(((found * exact).sum(1) / norms).min())
             begun = time.perf_counter()
@@ -108,14 +108,6 @@ def networks(models: dict[str, TextModel], texts: list[str], device: str) -> lis
     return rows
 
 
-def features(run: Any, model: TextModel, ids: Any) -> np.ndarray:
-    """Features of the texts, in their order."""
-    made = np.empty((len(ids), model.dim), np.float32)
-    for rows, found in run(model.batches(ids, model.budget)):
-        made[rows] = found
-    return made
-
-
 def commands(
     work: Path, encoder: tuple[str, ...], device: str, workers: list[int]
 ) -> list[list[Any]]:
@@ -124,7 +116,7 @@ def commands(
     for several in workers:
         words = ["embed", *encoder, "--precision", "auto", "--device", device]
         words += ["--workers", str(several), "--start-over", "--work", str(work)]
-        wall, said = process([sys.executable, "-m", "rsa_data", *words])
+        _, wall, _, said = recording.spent([sys.executable, "-m", "rsa_data", *words])
         print(said[-700:], flush=True)
         table = WorkDir(str(work)).table("nyuv2", f"embeddings/release-text/{encoder[1]}")
         count = sum(table.receipt(n).rows for n in table.parts())
@@ -147,7 +139,7 @@ def peers(folder: Path, texts: list[str], device: str) -> list[list[Any]]:
             "precision": precision,
             "batch": size,
         }
-        wall, said = process([sys.executable, "-c", _PEER, json.dumps(words)])
+        _, wall, _, said = recording.spent([sys.executable, "-c", _PEER, json.dumps(words)])
         name = f"sentence-transformers, MiniLM, {precision}, batches of {size}"
         rows.append(rates(name, len(texts), wall, float(said.split()[-1])))
     return rows
@@ -158,16 +150,6 @@ def rates(name: str, count: int, wall: float, alone: float) -> list[Any]:
     row = [name, count, round(wall, 1), round(count / wall), round(count / alone)]
     print(*row, flush=True)
     return row
-
-
-def process(command: list[str]) -> tuple[float, str]:
-    """Wall seconds and standard output of a command, which must succeed."""
-    begun = time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    wall = time.perf_counter() - begun
-    if done.returncode:
-        sys.exit(done.stderr[-3000:])
-    return wall, done.stdout
 
 
 _PEER = """
@@ -195,7 +177,7 @@ def prepare(folder: Path, release: Path) -> Path:
         ["detect", *common, "--segments", f"rsa-release:{text}"],
         ["captions", *common, "--style", f"release-text:{text}", "--workers", "8"],
     ):
-        process([sys.executable, "-m", "rsa_data", *words])
+        recording.spent([sys.executable, "-m", "rsa_data", *words])
     return work
 
 

@@ -11,7 +11,6 @@ and the same sessions alone on tensors that lie ready. --device cpu tries the sc
 
 import argparse
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -80,17 +79,10 @@ def alone(path: Path, device: str, threads: int, rounds: int) -> float:
 
 def command(work: Path, *words: str) -> float:
     """Wall seconds of a command, which must succeed."""
-    begun = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-m", "rsa_data", *words, "--work", str(work), "--start-over"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        sys.exit(done.stdout[-500:] + done.stderr[-3000:])
-    print(done.stderr[-300:], done.stdout[-400:], flush=True)
-    return time.perf_counter() - begun
+    more = ("--work", str(work), "--start-over")
+    _, wall, _, said = recording.spent([sys.executable, "-m", "rsa_data", *words, *more])
+    print(said[-400:], flush=True)
+    return wall
 
 
 def objects(work: Path, name: str) -> list[Any]:

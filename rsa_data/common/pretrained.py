@@ -17,8 +17,10 @@ Ids = Sequence[Sequence[int]]
 
 # What a folder may hold that decides features. Pickled weights (.bin, .pt) are not among them, and
 # neither is code.
-_LAYER = re.compile(r"\blayers?\.\d+\.")
 _PATTERNS = ("*.json", "*.safetensors", "*.txt", "*.model")
+
+# Names of weights inside a numbered layer.
+_LAYER = re.compile(r"\blayers?\.\d+\.")
 
 
 def folder_of(name: str, weights: Path | None) -> Path:

@@ -233,10 +233,10 @@ def _check_normalizer(path: Path, tokens: dict[str, Any]) -> None:
     transformers follows tokenizer_config.json there, the tokenizers' library tokenizer.json.
     """
     kind = str(tokens.get("tokenizer_class", "")).removesuffix("Fast").removesuffix("Tokenizer")
-    normalizer = _object(path).get("normalizer")
-    if kind not in _BERTS or not isinstance(normalizer, dict):
+    if kind not in _BERTS:
         return
-    if normalizer.get("type") != "BertNormalizer":
+    normalizer = _object(path).get("normalizer")
+    if not isinstance(normalizer, dict) or normalizer.get("type") != "BertNormalizer":
         return
     for name, (key, usual) in _SETTINGS.items():
         wanted, there = tokens.get(key, usual), normalizer.get(name, usual)

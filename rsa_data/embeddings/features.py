@@ -54,13 +54,14 @@ def stored(features: np.ndarray, store: str) -> np.ndarray:
 
     Raises RsaDataError for a feature too large for it, or of which hardly a digit would be left.
     """
-    largest = np.abs(features).max(1, initial=0)
-    small = largest[(largest > 0) & (largest < _NORMAL)]
-    if store == "float16" and len(small):
-        raise RsaDataError(
-            f"embed: a feature holds no number above {small.min():.3g}, of which float16 keeps "
-            "hardly a digit: use --store float32"
-        )
+    if store == "float16":
+        largest = np.abs(features).max(1, initial=0)
+        small = largest[(largest > 0) & (largest < _NORMAL)]
+        if len(small):
+            raise RsaDataError(
+                f"embed: a feature holds no number above {small.min():.3g}, of which float16 keeps "
+                "hardly a digit: use --store float32"
+            )
     with np.errstate(over="ignore"):
         stored = features.astype(store)
     if not np.isfinite(stored).all():
